@@ -100,11 +100,10 @@ def test_help_teaches(command):
     examples = re.findall(r"^  python -m analysis (.*?)(?:  .*)?$", told(command, "--help"), re.M)
     # One will do for a command that takes nothing.
     assert len(examples) >= (1 if command == "benchmark" else 2)
-    verb = cli.app.commands[command]
     for example in examples:
         name, *arguments = shlex.split(example)
         assert name == command
-        verb.make_context(name, arguments)
+        cli.app.commands[command].make_context(name, arguments)
 
 
 def test_help_lists_every_command_and_explains_every_option():
@@ -372,10 +371,8 @@ def test_a_folder_that_takes_no_file_is_named(option, tmp_path, monkeypatch):
     monkeypatch.setattr(cli.tempfile, "TemporaryFile", refuse)
     words = ["--out", "mine", "--last-position", "kept/where.json"]
     said = f"cannot answer: {option}: cannot write there (Permission denied)\n"
-    assert run("replay", ROOT / "data/raw/gpsd/rx210.log", *words)[::2] == (
-        1,
-        said,
-    ) and os.listdir() == ["kept"]
+    status, _, err = run("replay", ROOT / "data/raw/gpsd/rx210.log", *words)
+    assert (status, err) == (1, said) and os.listdir() == ["kept"]
 
 
 # --- the other commands --------------------------------------------------------------------------

@@ -5,6 +5,7 @@ import shlex
 import numpy as np
 import pandas as pd
 import pytest
+from refused import refused
 from test_cli import run
 
 import sensorlogs as logs
@@ -116,9 +117,8 @@ def test_gyros_and_accelerometers_are_told_apart(tmp_path, header, unit, one):
     told = {c.name: (c.kind, c.unit) for c in log.channels}
     assert sorted(told.values()) == [("accel", unit)] * 3 + [("rate", "deg/s")] * 3
     assert told[SIX[header]] == ("accel", unit)
-    with pytest.raises(WrongUsage, match="no unit is known") as asked:
-        logs.read(path)
-    assert {"--unit": f"gyro=deg/s,accel={unit}"} in asked.value.flags
+    flags = refused(WrongUsage, "no unit is known", logs.read, path).flags
+    assert {"--unit": f"gyro=deg/s,accel={unit}"} in flags
     assert len(logs.read(path, unit="gyro=deg/s").channels) == 3
 
 
@@ -172,8 +172,7 @@ def test_gyros_by_name_with_the_length_of_gravity_are_asked_about(tmp_path):
         assert kinds(logs.read(path, columns=three, kind=kind, unit=unit)) == {kind}
     assert kinds(logs.read(path, unit="gyro=deg/s")) == {"rate"}
     counts = np.round(9.8 * GYRO / np.linalg.norm(GYRO, axis=1)[:, None])
-    with pytest.raises(WrongUsage, match="--scale gyro=1/131"):
-        logs.read(write(tmp_path, "t,gx,gy,gz", T, counts))
+    refused(WrongUsage, "--scale gyro=1/131", logs.read, write(tmp_path, "t,gx,gy,gz", T, counts))
 
 
 @pytest.mark.parametrize(
@@ -186,10 +185,9 @@ def test_gyros_by_name_with_the_length_of_gravity_are_asked_about(tmp_path):
 )  # fmt: skip
 def test_raw_counts_are_refused_without_a_scale(tmp_path, header, options):
     """Property: whole numbers are no deg/s or g; the sentence shows the flag."""
-    with pytest.raises(WrongUsage, match="raw counts") as caught:
-        logs.read(write(tmp_path, header, *RAW), **options)
-    (flags,) = caught.value.flags
-    assert f"--scale {flags['--scale']}" in str(caught.value)
+    asked = refused(WrongUsage, "raw counts", logs.read, write(tmp_path, header, *RAW), **options)
+    (flags,) = asked.flags
+    assert f"--scale {flags['--scale']}" in str(asked)
     assert ("accel=1/16384" in flags["--scale"]) == ("columns" not in options)
 
 
@@ -217,8 +215,7 @@ def test_a_scale_turns_counts_into_the_unit(tmp_path):
 def test_faulty_units_and_scales_are_wrong_usage(tmp_path, options, words):
     """Property: each fault in --unit, --scale and --time-unit is named."""
     path = write(tmp_path, "t,ax,ay,az,gx,gy,gz", T, ACCEL, GYRO)
-    with pytest.raises(WrongUsage, match=words):
-        logs.read(path, **options)
+    refused(WrongUsage, words, logs.read, path, **options)
 
 
 # --- time, temperature, catalogue ----------------------------------------------------------------
@@ -227,8 +224,7 @@ def test_faulty_units_and_scales_are_wrong_usage(tmp_path, options, words):
 def test_the_unit_of_time_can_be_given(tmp_path):
     """Analytic: 100 Hz in microseconds without a name that says so."""
     path = write(tmp_path, "t,gyro_x_deg_s", 1e6 * T, GYRO[:, 0])
-    with pytest.raises(WrongUsage, match="--time-unit us"):
-        logs.read(path)
+    refused(WrongUsage, "--time-unit us", logs.read, path)
     assert logs.read(path, time_unit="us").rate_hz == pytest.approx(100)
     path = write(tmp_path, "t,gyro_x_deg_s", T, GYRO[:, 0])
     assert logs.read(path, time_unit="ms").rate_hz == pytest.approx(1e5)
@@ -264,8 +260,7 @@ def test_the_catalogue_takes_the_same_keys(tmp_path, monkeypatch):
     mine = logs.read("mine")
     assert found(mine) == found(expected) and mine.rate_hz == expected.rate_hz
     said = "--unit gyro=rad/s: the catalogue has 'mine' in gyro=deg/s,accel=g"
-    with pytest.raises(WrongUsage, match=said):
-        logs.read("mine", unit="gyro=rad/s")
+    refused(WrongUsage, said, logs.read, "mine", unit="gyro=rad/s")
 
 
 def test_a_moving_log_takes_the_same_units_and_scales(tmp_path):
@@ -365,8 +360,7 @@ def test_axes_by_number_and_accelerations_without_gravity(tmp_path):
     header = "t_s,gyro[0],gyro[1],gyro[2],acc[0],acc[1],acc[2]" + 3 * ",linear acc {}"
     free = ACCEL - [0.02, 0.01, 1.0]
     path = write(tmp_path, header.format(*"xyz"), T, GYRO, 9.80665 * ACCEL, free)
-    with pytest.raises(WrongUsage, match="--unit gyro=deg/s,accel=m/s\\^2"):
-        logs.read(path)
+    refused(WrongUsage, "--unit gyro=deg/s,accel=m/s\\^2", logs.read, path)
     log = logs.read(path, unit="gyro=deg/s,accel=m/s^2")
     assert [c.unit for c in log.channels] == ["deg/s"] * 3 + ["m/s^2"] * 3
     assert "accel with gravity taken off" in left_out(log)
@@ -375,9 +369,8 @@ def test_axes_by_number_and_accelerations_without_gravity(tmp_path):
 def test_a_bare_unit_beside_stated_ones_is_left_out(tmp_path):
     """Property: where every name has its unit, the command that works has no --unit."""
     path = write(tmp_path, "t,accel_x_g,gyro_x_deg_s", T, ACCEL[:, 0], GYRO[:, 0])
-    with pytest.raises(WrongUsage, match="leave out --unit") as caught:
-        logs.read(path, unit="deg/s")
-    assert caught.value.flags == ({"--unit": None},)
+    asked = refused(WrongUsage, "leave out --unit", logs.read, path, unit="deg/s")
+    assert asked.flags == ({"--unit": None},)
 
 
 @pytest.mark.parametrize("header", ["t,gx,gy,gz", "t,gx,gy,gz,accel_x_g"])

@@ -255,36 +255,34 @@ def test_what_lies_under_one_dot_is_left_out(draw, tmp_path, monkeypatch):
     """Property: far fewer points, all of them among the given ones, and the same picture."""
     pictures = []
     for dense, few in ((1e9, 1e9), (figures.DENSE, figures.FEW)):
-        fig = Figure(figsize=(3.5, 2), layout="constrained")
-        ax = fig.subplots()
+        ax = Figure(figsize=(3.5, 2), layout="constrained").subplots()
         ax.set(xlabel="time (s)", ylabel="rate (°/s)")
         draw(ax)
-        before = figures.plotted_numbers(fig)
+        before = figures.plotted_numbers(ax.figure)
         monkeypatch.setattr(figures, "DENSE", dense)
         monkeypatch.setattr(figures, "FEW", few)
-        figures.save(fig, NAME, CAPTION, to=tmp_path)
+        figures.save(ax.figure, NAME, CAPTION, to=tmp_path)
         pictures.append(np.asarray(Image.open(tmp_path / f"{NAME}.png").convert("L")) < 250)
-    after = figures.plotted_numbers(fig)
+    after = figures.plotted_numbers(ax.figure)
     assert len(after) < len(before) / 3
     both = before[["x", "y", "y2"]].merge(after[["x", "y", "y2"]].drop_duplicates())
     assert len(both) >= len(after)
-    ink = pictures[0].sum()  # edges are blended, and a pen may be thinner than a point
-    assert (pictures[0] ^ pictures[1]).sum() < 0.1 * ink
+    # Edges are blended, and a pen may be thinner than a point.
+    assert (pictures[0] ^ pictures[1]).sum() < 0.1 * pictures[0].sum()
 
 
 def test_a_legend_stays_where_it_was(tmp_path):
     """Property: the place that is best among all points, not among what thinning left of them."""
-    fig = Figure()
-    ax = fig.subplots()
+    ax = axes()
     ax.set(xlabel="time (s)", ylabel="rate (°/s)", ylim=(0, 3))
     few = [v.ravel() for v in np.meshgrid(np.linspace(0, 4, 5), np.linspace(0.1, 2.9, 6))]
     ax.plot(*few, "o", label="few points")
     for level in (0.1, 0.6, 1.5, 2.3, 2.9):
         (line,) = ax.plot(np.linspace(5, 10, 400), np.full(400, level), label="many points")
     legend = ax.legend(handles=[line], fontsize=30)
-    fig.draw_without_rendering()
+    ax.figure.draw_without_rendering()
     before = legend.get_window_extent().bounds
-    figures.save(fig, NAME, CAPTION, to=tmp_path)
+    figures.save(ax.figure, NAME, CAPTION, to=tmp_path)
     assert len(line.get_xdata()) == 2
     np.testing.assert_allclose(legend.get_window_extent().bounds, before)
 
@@ -381,8 +379,7 @@ def test_customary_units_are_the_same_quantity(unit):
         assert factor == pytest.approx(in_si(unit) / in_si(name))
     assert [factor for factor, _ in given] == sorted((f for f, _ in given), reverse=True)
     # A thousand of one unit is one of the next, where there is a next.
-    last = len(given) - 1
-    for size, name in ((999.0, given[0][1]), (1001.0, given[min(1, last)][1])):
+    for size, name in ((999.0, given[0][1]), (1001.0, given[:2][-1][1])):
         assert Estimate(size / given[0][0], None, None, unit).value_text.endswith(name)
 
 
