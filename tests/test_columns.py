@@ -175,14 +175,12 @@ def test_gyros_by_name_with_the_length_of_gravity_are_asked_about(tmp_path):
     refused(WrongUsage, "--scale gyro=1/131", logs.read, write(tmp_path, "t,gx,gy,gz", T, counts))
 
 
-@pytest.mark.parametrize(
-    ("header", "options"),
-    [(COUNTS, {"unit": "gyro=deg/s,accel=g"}),
-     (COUNTS, {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131"}),
-     (COUNTS, {"unit": "deg/s", "columns": ["gx", "gy", "gz"]}),
-     ("t_s,a_g,b_g,accel_z_g,gyro_x_deg_s,gyro_y_deg_s,gyro_z_deg_s", {}),
-     ("", {"unit": "deg/s", "rate": 100, "columns": [5, 6, 7]})],
-)  # fmt: skip
+@pytest.mark.parametrize(("header", "options"), [
+    (COUNTS, {"unit": "gyro=deg/s,accel=g"}),
+    (COUNTS, {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131"}),
+    (COUNTS, {"unit": "deg/s", "columns": ["gx", "gy", "gz"]}),
+    ("t_s,a_g,b_g,accel_z_g,gyro_x_deg_s,gyro_y_deg_s,gyro_z_deg_s", {}),
+    ("", {"unit": "deg/s", "rate": 100, "columns": [5, 6, 7]})])  # fmt: skip
 def test_raw_counts_are_refused_without_a_scale(tmp_path, header, options):
     """Property: whole numbers are no deg/s or g; the sentence shows the flag."""
     asked = refused(WrongUsage, "raw counts", logs.read, write(tmp_path, header, *RAW), **options)
@@ -202,16 +200,14 @@ def test_a_scale_turns_counts_into_the_unit(tmp_path):
     np.testing.assert_array_equal(bare.channels[0].values, 0.5 * RAW[2][:, 0])
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [({"unit": "gyros=deg/s"}, "kinds are gyro, accel, angle, position"),
-     ({"unit": "gyro=g"}, "g is a unit of accel, not of rate"),
-     ({"unit": "gyro=deg/s", "scale": "gyro=one"}, "write a number or a fraction"),
-     ({"unit": "gyro=deg/s", "scale": "gyro=1/0"}, "write a number or a fraction"),
-     ({"unit": "gyro=deg/s", "scale": "1/131"}, "--scale 1/131 is for channels of one kind"),
-     ({"unit": "position=m,gyro=deg/s"}, "--unit position= fits none"),
-     ({"unit": "gyro=deg/s", "time_unit": "min/h"}, "--time-unit min/h is not one of")],
-)  # fmt: skip
+@pytest.mark.parametrize(("options", "words"), [
+    ({"unit": "gyros=deg/s"}, "kinds are gyro, accel, angle, position"),
+    ({"unit": "gyro=g"}, "g is a unit of accel, not of rate"),
+    ({"unit": "gyro=deg/s", "scale": "gyro=one"}, "write a number or a fraction"),
+    ({"unit": "gyro=deg/s", "scale": "gyro=1/0"}, "write a number or a fraction"),
+    ({"unit": "gyro=deg/s", "scale": "1/131"}, "--scale 1/131 is for channels of one kind"),
+    ({"unit": "position=m,gyro=deg/s"}, "--unit position= fits none"),
+    ({"unit": "gyro=deg/s", "time_unit": "min/h"}, "--time-unit min/h is not one of")])  # fmt: skip
 def test_faulty_units_and_scales_are_wrong_usage(tmp_path, options, words):
     """Property: each fault in --unit, --scale and --time-unit is named."""
     path = write(tmp_path, "t,ax,ay,az,gx,gy,gz", T, ACCEL, GYRO)
@@ -327,23 +323,20 @@ def test_of_two_columns_of_a_meaning_the_plainer_one_counts(tmp_path):
     assert np.median(ride.imu.accel_b[:, 2]) < -9 and ride.gnss.lat_deg[0] == 45
 
 
-@pytest.mark.parametrize(
-    ("spelled", "unit"),
-    [("º/s degree/second deg.s-1 Degrees_per_second grad/s deg·s⁻¹ degs deg_s", "deg/s"),
-     ("rad·s⁻¹ rad.s-1 rads/s radians/sec rad_per_s rad_s", "rad/s"),
-     ("m·s⁻² m.s-2 ms-2 m/s**2 meters/s^2 m/sec² m_s_2 m_s2", "m/s^2"),
-     ("deg/hr °/h deg_per_hour deg_h", "deg/h"), ("°C s Hz ms mdps m/s rad2 dBm %", None)],
-)  # fmt: skip
+@pytest.mark.parametrize(("spelled", "unit"), [
+    ("º/s degree/second deg.s-1 Degrees_per_second grad/s deg·s⁻¹ degs deg_s", "deg/s"),
+    ("rad·s⁻¹ rad.s-1 rads/s radians/sec rad_per_s rad_s", "rad/s"),
+    ("m·s⁻² m.s-2 ms-2 m/s**2 meters/s^2 m/sec² m_s_2 m_s2", "m/s^2"),
+    ("deg/hr °/h deg_per_hour deg_h", "deg/h"), ("°C s Hz ms mdps m/s rad2 dBm %", None),
+])  # fmt: skip
 def test_spellings_of_units(spelled, unit):
     """Property: one unit, however it is written; what is none of these is not guessed."""
     assert {columns.unit_of(each) for each in spelled.split()} == {unit}
 
 
-@pytest.mark.parametrize(
-    ("ends", "factors"),
-    [(("_mdps", "_ug"), (1e3, 1e6)), ((" (mrad/s)", " (cm/s²)"), (1e3 * np.pi / 180, 980.665)),
-     ((" [rpm]", " [ft/s^2]"), (1 / 6, 9.80665 / 0.3048))],
-)  # fmt: skip
+@pytest.mark.parametrize(("ends", "factors"), [
+    (("_mdps", "_ug"), (1e3, 1e6)), ((" (mrad/s)", " (cm/s²)"), (1e3 * np.pi / 180, 980.665)),
+    ((" [rpm]", " [ft/s^2]"), (1 / 6, 9.80665 / 0.3048))])  # fmt: skip
 def test_multiples_of_units(tmp_path, ends, factors):
     """Analytic: thousandths of a unit are turned into it, and said to be."""
     names = [f"{k}_{a}{end}" for k, end in zip(("gyro", "acc"), ends, strict=True) for a in "xyz"]
