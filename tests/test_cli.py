@@ -378,13 +378,11 @@ def test_a_folder_that_takes_no_file_is_named(option, tmp_path, monkeypatch):
 # --- the other commands --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    ["", "nonsense", "report f9p-static", "report nothing.csv --out x", "claims no-paper",
-     "report f9p-static --out x --rate fast", "data no-folder", "data --write",
-     "data --rebuild no-log", "reproduce 77", "reproduce 90 -p SEED=1",
-     "reproduce 90 --scratch x -p SEED", "reproduce 90 --scratch x -p SPEED=1"],
-)  # fmt: skip
+@pytest.mark.parametrize("arguments", [
+    "", "nonsense", "report f9p-static", "report nothing.csv --out x", "claims no-paper",
+    "report f9p-static --out x --rate fast", "data no-folder", "data --write",
+    "data --rebuild no-log", "reproduce 77", "reproduce 90 -p SEED=1",
+    "reproduce 90 --scratch x -p SEED", "reproduce 90 --scratch x -p SPEED=1"])  # fmt: skip
 def test_unknown_names_are_wrong_usage(tmp_path, monkeypatch, arguments):
     """Property: exit status 2, the word that is wrong on stderr, and nothing is made."""
     monkeypatch.chdir(tmp_path)

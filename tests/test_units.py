@@ -247,17 +247,16 @@ LATE = "18 leap seconds (a in UTC time, b in GPS)"
 EPOCH = "seconds since 1970 against seconds since the GPS epoch of 1980"
 
 
-@pytest.mark.parametrize(
-    ("offset", "said", "undated"),
-    [(3600.0, "1 h (a time zone)", ""), (-17999.0, "-5 h (a time zone) and +1.00 s", ""),
-     (18.0, AHEAD, ""), (-18.0, LATE, ""), (3618.0, f"1 h (a time zone) and {AHEAD}", ""),
-     (900.0, "0.25 h (a time zone)", ""), (1800.006, "0.5 h (a time zone)", ""),
-     (50_400.0, "14 h (a time zone)", ""),  # no zone is further from UTC
-     (51_300.0, "", ""), (54_000.0, "", ""), (86_400.0, "1 d", "no date in the log of b"),
-     (-86_418.5, f"-1 d and {LATE} and -0.50 s", f"no date in the log of b; {LATE} and -0.50 s"),
-     (315_964_782.0, f"{EPOCH} and {LATE}", ""),  # the 6th of January 1980, 0 h UTC
-     (-315_964_800.0, EPOCH, ""), (17.0, "", ""), (18.95, "", ""), (5.0, "", ""), (0.0, "", "")],
-)  # fmt: skip
+@pytest.mark.parametrize(("offset", "said", "undated"), [
+    (3600.0, "1 h (a time zone)", ""), (-17999.0, "-5 h (a time zone) and +1.00 s", ""),
+    (18.0, AHEAD, ""), (-18.0, LATE, ""), (3618.0, f"1 h (a time zone) and {AHEAD}", ""),
+    (900.0, "0.25 h (a time zone)", ""), (1800.006, "0.5 h (a time zone)", ""),
+    (50_400.0, "14 h (a time zone)", ""),  # no zone is further from UTC
+    (51_300.0, "", ""), (54_000.0, "", ""), (86_400.0, "1 d", "no date in the log of b"),
+    (-86_418.5, f"-1 d and {LATE} and -0.50 s", f"no date in the log of b; {LATE} and -0.50 s"),
+    (315_964_782.0, f"{EPOCH} and {LATE}", ""),  # the 6th of January 1980, 0 h UTC
+    (-315_964_800.0, EPOCH, ""), (17.0, "", ""), (18.95, "", ""), (5.0, "", ""), (0.0, "", ""),
+])  # fmt: skip
 def test_known_offsets_are_named(offset, said, undated):
     """analytic: time zones, leap seconds, days and the GPS epoch, alone and together.
 
@@ -528,14 +527,13 @@ def test_holds_are_seen_by_what_moves_meanwhile():
         assert happened(stays) == ([(kind, 0.0, last, 5 * last)] if kind else [])
 
 
-@pytest.mark.parametrize(
-    ("ab", "ac", "bc", "who", "spells"),
-    [((10, 20), (), (10, 20), "b", [(10, 19)]), ((10, 20), (10, 16), (), "a", [(10, 19)]),
-     ((10, 20), (10, 15), (), "a and b", [(10, 19)]),  # a is far from c for half of it only
-     ((10, 20), (10, 20), (10, 20), "a and b and c", [(10, 19)]),
-     ((10, 20, 24, 30), (), (), "a and b", [(10, 29)]),
-     ((10, 20, 25, 30), (), (), "a and b", [(10, 19), (25, 29)])],  # more than 5 s between them
-)  # fmt: skip
+@pytest.mark.parametrize(("ab", "ac", "bc", "who", "spells"), [
+    ((10, 20), (), (10, 20), "b", [(10, 19)]), ((10, 20), (10, 16), (), "a", [(10, 19)]),
+    ((10, 20), (10, 15), (), "a and b", [(10, 19)]),  # a is far from c for half of it only
+    ((10, 20), (10, 20), (10, 20), "a and b and c", [(10, 19)]),
+    ((10, 20, 24, 30), (), (), "a and b", [(10, 29)]),
+    ((10, 20, 25, 30), (), (), "a and b", [(10, 19), (25, 29)]),  # more than 5 s between them
+])  # fmt: skip
 def test_spells_of_disagreement_by_their_rules(ab, ac, bc, who, spells):
     """known case: a spell ends with 5 s without; the unit far from all others for most of it is
     named. Far is six usual differences, and 1 m or 5 deg; else the largest is told, beyond these.
