@@ -60,11 +60,9 @@ def channel(sensor="gyroscope", axis="x", white=1e-4, sigma_b=None, corr_time=No
 
 def model(*channels, unit=UNITS):
     """Write a model.json; by default one of the truth, with both triads."""
-    channels = channels or [
-        channel(s, a, *values, unit=unit[s]) for s in TRUTH for a, values in TRUTH[s].items()
-    ]
+    truth = (channel(s, a, *v, unit=unit[s]) for s in TRUTH for a, v in TRUTH[s].items())
     source = {"file": "my.csv", "rate_hz": RATE, "duration_s": 3600 * HOURS}
-    return {"source": source, "channels": list(channels)}
+    return {"source": source, "channels": list(channels or truth)}
 
 
 def rms(values):
@@ -358,11 +356,9 @@ def test_other_axes_stand_in_for_none():
     assert "no accelerometer in this log" in texts["README.md"]
 
 
-@pytest.mark.parametrize(
-    "names, letters",
-    [("gyro_x gyro_y gyro_z", "xyz"), ("gz gx", "zx"), ("yaw_rate roll_rate pitch_rate", "zxy"),
-     ("X-rate", "x"), ("a b c", "xyz"), ("a b c d", None), ("g1_x g2_x", None)],
-)  # fmt: skip
+@pytest.mark.parametrize("names, letters", [
+    ("gyro_x gyro_y gyro_z", "xyz"), ("gz gx", "zx"), ("yaw_rate roll_rate pitch_rate", "zxy"),
+    ("X-rate", "x"), ("a b c", "xyz"), ("a b c d", None), ("g1_x g2_x", None)])  # fmt: skip
 def test_axes_are_told_by_name(names, letters):
     """Property: x, y, z or roll, pitch, yaw in the name; else the order of up to three."""
     triads, left_out = exports.sort_triads(model(*[channel() | {"name": n} for n in names.split()]))
@@ -429,12 +425,10 @@ def test_what_is_no_model_is_refused(wrong):
     refused(WrongUsage, "this is a pooled" if "seed" in wrong else "no model", exports.files, wrong)
 
 
-@pytest.mark.parametrize(
-    ("parameter", "key", "value"),
-    [("arw", "value", -1), ("arw", "value", "abc"), ("arw", "value", True),
-     ("arw", "low", float("nan")), ("rrw", "high", float("inf")), ("sigma_b", "value", 1e200),
-     ("corr_time", "value", 0)],
-)  # fmt: skip
+@pytest.mark.parametrize(("parameter", "key", "value"), [
+    ("arw", "value", -1), ("arw", "value", "abc"), ("arw", "value", True),
+    ("arw", "low", float("nan")), ("rrw", "high", float("inf")), ("sigma_b", "value", 1e200),
+    ("corr_time", "value", 0)])  # fmt: skip
 def test_a_number_that_cannot_be_is_named(tmp_path, parameter, key, value):
     """Property: an edited number is refused with file, channel and parameter; nothing written."""
     path = tmp_path / "edited.json"

@@ -206,8 +206,7 @@ def test_no_two_panels_have_one_name_and_none_has_tex():
         ax.set(title="$T_c$", xlabel="t (s)", ylabel=y)
     fig.axes[3].set_xlabel("$σ_b$ (s)")
     fig.axes[1].lines[0].set_label(plots.plain("a$b {c}"))
-    names = ["T_c, a, t, 1", "T_c, b, t", "T_c, a, t, 3", "T_c, b, σ_b"]
-    assert list(figures.axes_of(fig)) == names
+    assert [*figures.axes_of(fig)] == ["T_c, a, t, 1", "T_c, b, t", "T_c, a, t, 3", "T_c, b, σ_b"]
     assert set(figures.plotted_numbers(fig)["series"]) == {"e^(-t/T_c), N√τ", "a$b {c}"}
 
 
@@ -340,22 +339,20 @@ def test_contour_lines_and_guides():
 # --- drawing that notebooks share ----------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("estimate", "words"),
-    [(Estimate(1 / 60, 0.5 / 60, 2 / 60, "deg/sqrt(s)"), "1.0 (0.5 to 2.0) °/√h"),
-     (Estimate(1 / 3600, 0.0, 2 / 3600, "deg/s"), "1.0 (0.0 to 2.0) °/h"),
-     (Estimate(np.pi / 180 / 60, None, None, "rad/sqrt(s)"), "1 (no bound) °/√h"),
-     (Estimate(1 / 60, 0.5 / 60, 2 / 60, "rad/s/sqrt(s)"), "210000 (100000 to 410000) °/h/√h"),
-     (Estimate(18.0, 12.0, 24.0, "deg/h*sqrt(s)"), "0.30 (0.20 to 0.40) °/√h"),
-     (Estimate(1000e-6, 997e-6, 1003e-6, "g"), "1.000 (0.997 to 1.003) mg"),
-     (Estimate(5.0, 0.05, 9.80665, "m/s^2"), "500 (5 to 1000) mg"),
-     (Estimate(1.7e7, 0.52, 5.6e14), "1.7×10⁷ (0.52 to 5.6×10¹⁴)"),
-     (Estimate(1.0, 0.5, 2.0, "deg/h/sqrt(s)"), "60 (30 to 120) °/h/√h"),
-     (Estimate(5.0, 5.0, 5.0, "s"), "5 (5 to 5) s"),
-     (Estimate.refused("s", "", low=12.0), "unresolved (at least 12 s)"),
-     (Estimate.refused("g", "", high=3e-6), "unresolved (at most 3 µg)"),
-     (Estimate.refused("m", ""), "unresolved (no bound)")],
-)  # fmt: skip
+@pytest.mark.parametrize(("estimate", "words"), [
+    (Estimate(1 / 60, 0.5 / 60, 2 / 60, "deg/sqrt(s)"), "1.0 (0.5 to 2.0) °/√h"),
+    (Estimate(1 / 3600, 0.0, 2 / 3600, "deg/s"), "1.0 (0.0 to 2.0) °/h"),
+    (Estimate(np.pi / 180 / 60, None, None, "rad/sqrt(s)"), "1 (no bound) °/√h"),
+    (Estimate(1 / 60, 0.5 / 60, 2 / 60, "rad/s/sqrt(s)"), "210000 (100000 to 410000) °/h/√h"),
+    (Estimate(18.0, 12.0, 24.0, "deg/h*sqrt(s)"), "0.30 (0.20 to 0.40) °/√h"),
+    (Estimate(1000e-6, 997e-6, 1003e-6, "g"), "1.000 (0.997 to 1.003) mg"),
+    (Estimate(5.0, 0.05, 9.80665, "m/s^2"), "500 (5 to 1000) mg"),
+    (Estimate(1.7e7, 0.52, 5.6e14), "1.7×10⁷ (0.52 to 5.6×10¹⁴)"),
+    (Estimate(1.0, 0.5, 2.0, "deg/h/sqrt(s)"), "60 (30 to 120) °/h/√h"),
+    (Estimate(5.0, 5.0, 5.0, "s"), "5 (5 to 5) s"),
+    (Estimate.refused("s", "", low=12.0), "unresolved (at least 12 s)"),
+    (Estimate.refused("g", "", high=3e-6), "unresolved (at most 3 µg)"),
+    (Estimate.refused("m", ""), "unresolved (no bound)")])  # fmt: skip
 def test_estimates_are_written_in_the_units_of_the_trade(estimate, words):
     """Analytic: 1 deg/sqrt(s) is 60 deg/sqrt(h), 1 deg/s is 3600 deg/h, 1 g is 1e6 µg."""
     assert str(estimate) == words
@@ -429,12 +426,10 @@ def test_exponents_are_written_out():
     assert analysis.without_exponents(text) == words
 
 
-@pytest.mark.parametrize(
-    ("bounds", "ends", "markers"),
-    [((2.0, 3.0), (2.0, 3.0), ["None", "|", "|"]), ((2.0, None), (2.0, 10.0), ["None", "|", ">"]),
-     ((None, 3.0), (1.0, 3.0), ["None", "<", "|"]), ((0.0, 3.0), (1.0, 3.0), ["None", "<", "|"]),
-     ((None, None), (1.0, 10.0), ["None", "<", ">"])],
-)  # fmt: skip
+@pytest.mark.parametrize(("bounds", "ends", "markers"), [
+    ((2.0, 3.0), (2.0, 3.0), ["None", "|", "|"]), ((2.0, None), (2.0, 10.0), ["None", "|", ">"]),
+    ((None, 3.0), (1.0, 3.0), ["None", "<", "|"]), ((0.0, 3.0), (1.0, 3.0), ["None", "<", "|"]),
+    ((None, None), (1.0, 10.0), ["None", "<", ">"])])  # fmt: skip
 def test_an_interval_bar_ends_where_the_interval_does(bounds, ends, markers):
     """Property: from bound to bound; a side that is open runs to the edge, as an arrow."""
     ax = axes()

@@ -122,8 +122,8 @@ def test_angles_are_unwrapped(tmp_path, unit, period):
     turn = 3.0 * np.arange(300) * period / 360
     wrapped = (turn + period / 2) % period - period / 2
     rows = [f"{i / 10:.1f},{w:.9f}" for i, w in enumerate(wrapped)]
-    rows = replaced(rows, 60, 1, "nan")  # right at the first jump
-    log = read(tmp_path, rows, f"t_s,yaw_{unit}")
+    # A gap right at the first jump.
+    log = read(tmp_path, replaced(rows, 60, 1, "nan"), f"t_s,yaw_{unit}")
     turn[60] = np.nan
     np.testing.assert_allclose(log.channels[0].values, turn, atol=1e-8)  # nine decimals are printed
     assert any("unwrapped: 2 jumps" in repair for repair in log.repairs)
@@ -191,12 +191,10 @@ def test_a_row_that_lost_a_field_is_left_out(tmp_path):
     assert "line 52: 1 row with fewer fields than names" in log.repairs[0]
 
 
-@pytest.mark.parametrize(
-    ("cut", "said"),
-    [*((c, "line 201: the last line is cut off and was dropped")
-       for c in ("0.6", "1.990000,", "1.990000,0.123456,-", "1.99,0.1,0.12", "1.99,1,0.1234567e")),
-     (",,\n" * 500, "500 rows without any value")],
-)  # fmt: skip
+@pytest.mark.parametrize(("cut", "said"), [
+    *((c, "line 201: the last line is cut off and was dropped")
+      for c in ("0.6", "1.990000,", "1.990000,0.123456,-", "1.99,0.1,0.12", "1.99,1,0.1234567e")),
+    (",,\n" * 500, "500 rows without any value")])  # fmt: skip
 def test_what_is_no_row_at_the_end_is_dropped_and_stated(tmp_path, cut, said):
     """Property: half a line never becomes half a number; rows of delimiters are no samples."""
     log = logs.read(write(tmp_path, [*lines()[: 199 + (",," in cut)], cut], end=""))
@@ -246,8 +244,7 @@ def test_a_long_file_keeps_the_letters_of_its_header(tmp_path, encoding):
 
 def test_held_values_are_stated(tmp_path):
     """Property: an output that is held between updates is said to be."""
-    rows = [f"{i / 100},{(i // 20) % 7}" for i in range(400)]
-    path = write(tmp_path, rows, header="t_s,gyro_x_deg_s")
+    path = write(tmp_path, [f"{i / 100},{i // 20 % 7}" for i in range(400)], "t_s,gyro_x_deg_s")
     refused(WrongUsage, r"or --scale gyro=1$", logs.read, path)
     log = logs.read(path, scale="gyro=1")
     assert "repeats its last value in 95.2% of the samples" in log.repairs[-1]
@@ -426,15 +423,13 @@ def test_own_logs_join_the_catalogue(tmp_path, monkeypatch):
     refused(WrongUsage, r"--unit g: the catalogue has 'mine' in deg/s", logs.read, "mine", unit="g")
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [('[adis16405]\nfile = "my.csv"', "taken"), ("[mine]\nrate_hz = 3", "needs a line"),
-     ('[mine]\nfile = "my.csv"\nrate = 3', "closest: 'rate_hz'"),
-     ('[mine]\nfile = "my.csv"\nformat = "xls"', "'xls' is not one of"),
-     ('[mine]\nfile = "my.csv"\nrate_hz = "100"', "rate_hz = '100' is of the wrong type"),
-     ('[mine]\nfile = "gone.csv"', "gone.csv, which is not in data/own/"),
-     ("[mine", "not valid TOML")],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "words"), [
+    ('[adis16405]\nfile = "my.csv"', "taken"), ("[mine]\nrate_hz = 3", "needs a line"),
+    ('[mine]\nfile = "my.csv"\nrate = 3', "closest: 'rate_hz'"),
+    ('[mine]\nfile = "my.csv"\nformat = "xls"', "'xls' is not one of"),
+    ('[mine]\nfile = "my.csv"\nrate_hz = "100"', "rate_hz = '100' is of the wrong type"),
+    ('[mine]\nfile = "gone.csv"', "gone.csv, which is not in data/own/"),
+    ("[mine", "not valid TOML")])  # fmt: skip
 def test_a_faulty_own_catalogue_is_wrong_usage(tmp_path, monkeypatch, text, words):
     """Property: each mistake in the reader's catalogue is named."""
     monkeypatch.setattr(catalogue, "OWN", tmp_path / "logs.toml")
@@ -447,8 +442,8 @@ def test_the_committed_static_receiver_log():
     log = logs.read("f9p-static")
     north, east, _ = values(log)
     assert (log.duration_s, log.rate_hz, log.gaps) == (655, 1.0, 0)
-    within = np.percentile(np.hypot(north, east), 95)
-    assert within == pytest.approx(2.2, abs=0.05)  # printed digits
+    # Within the printed digits.
+    assert np.percentile(np.hypot(north, east), 95) == pytest.approx(2.2, abs=0.05)
 
 
 @needs("adis16405-static/adis_16405_imu1.rda")

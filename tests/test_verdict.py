@@ -72,13 +72,11 @@ def test_each_code_has_its_sentence():
     assert macros <= set(re.findall(r'"(\w+)"', code))
 
 
-@pytest.mark.parametrize(
-    ("n", "b", "answer", "words"),
-    [(0.004, 0.001, "yes", "within on every axis"),
-     (0.01, 0.001, "no", "above it (2 times) on every axis"),
-     (0.005, 0.001, "open", "not decided on every axis"),
-     (0.004, 0.01, "no", "above it (7.83 times) on every axis")],
-)  # fmt: skip
+@pytest.mark.parametrize(("n", "b", "answer", "words"), [
+    (0.004, 0.001, "yes", "within on every axis"),
+    (0.01, 0.001, "no", "above it (2 times) on every axis"),
+    (0.005, 0.001, "open", "not decided on every axis"),
+    (0.004, 0.01, "no", "above it (7.83 times) on every axis")])  # fmt: skip
 def test_held_against_a_data_sheet(n, b, answer, words):
     """Analytic: intervals of ±10 % below, above and across the stated N and B."""
     found = verdict.within_datasheet(measured(n, b), SHEET, NAMED)
@@ -184,15 +182,12 @@ def twelve(result):
     return replace(result, channels=tuple(named))
 
 
-@pytest.mark.parametrize(
-    ("result", "pictures"),
-    [
-        (static_logs.read("phone-parked-gnss"), 4), (static_logs.read("phone-parked"), 4),
-        (static_logs.read("mpu6050-accel"), 5), (static_logs.read("adis16405"), 8),
-        (twelve(static_logs.read("adis16405")), 14),
-    ],
-    ids=["positions", "angles", "accelerometers alone", "six channels", "twelve channels"],
-)  # fmt: skip
+@pytest.mark.parametrize(("result", "pictures"), [
+    (static_logs.read("phone-parked-gnss"), 4), (static_logs.read("phone-parked"), 4),
+    (static_logs.read("mpu6050-accel"), 5), (static_logs.read("adis16405"), 8),
+    (twelve(static_logs.read("adis16405")), 14),
+], ids=["positions", "angles", "accelerometers alone", "six channels",
+        "twelve channels"])  # fmt: skip
 def test_pages_of_other_logs(page_of, result, pictures):
     """Property: a verdict, an alt text on each picture, and no number with an exponent."""
     page = page_of(result)
