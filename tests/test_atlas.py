@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from refused import refused
 from test_exports import TRUTH, broken, model
 
 from analysis import ROOT, CannotAnswer, Estimate, WrongUsage, datasheets, store
@@ -56,8 +57,7 @@ def test_a_log_enters_in_the_units_of_the_atlas(door, capsys):
 def test_notebook_11_lists_who_entered(door, tmp_path):
     """property: with one sensor more its claims and its figure stay, and a table has the sensor."""
     atlas.add(door, **ABOUT)
-    derived = tmp_path / "derived"
-    derived.mkdir()
+    (derived := tmp_path / "derived").mkdir()
     for folder in store.FOLDER.iterdir():
         (derived / folder.name).symlink_to(folder)
     (derived / "atlas").unlink()
@@ -71,24 +71,20 @@ def test_notebook_11_lists_who_entered(door, tmp_path):
     assert row in (tmp_path / "out" / "11-unified-table.ipynb").read_text("utf-8")
 
 
-@pytest.mark.parametrize(
-    ("change", "error", "words"),
-    [({"product": "nothing"}, WrongUsage, "--product nothing: not in data/sensors.toml"),
-     ({"licence": " "}, WrongUsage, "--licence is empty"),
-     ({"source": ""}, WrongUsage, "--source is empty")],
-)  # fmt: skip
+@pytest.mark.parametrize(("change", "error", "words"), [
+    ({"product": "nothing"}, WrongUsage, "--product nothing: not in data/sensors.toml"),
+    ({"licence": " "}, WrongUsage, "--licence is empty"),
+    ({"source": ""}, WrongUsage, "--source is empty")])  # fmt: skip
 def test_what_does_not_enter(door, change, error, words):
     """property: without a product, a licence or a source nothing is written."""
-    with pytest.raises(error, match=words):
-        atlas.add(door, **ABOUT | change)
+    refused(error, words, atlas.add, door, **ABOUT | change)
     assert not datasheets.GIVEN.exists()
 
 
 def test_a_log_that_is_too_short_does_not_enter(door):
     """property: a report in which B is neither known nor bounded is refused with the way out."""
     (door / "model.json").write_text(json.dumps(broken(["source", "sha256"], "0" * 64)))
-    with pytest.raises(CannotAnswer, match="record longer, at rest"):
-        atlas.add(door, **ABOUT)
+    refused(CannotAnswer, "record longer, at rest", atlas.add, door, **ABOUT)
 
 
 def test_all_that_entered_may_be_there():

@@ -45,14 +45,13 @@ def test_equal_work_gives_equal_results(committed, part):
 
 def test_the_committed_numbers_keep_their_bars(committed):
     """published: what `benchmark --out` wrote on a machine of two cores, against every bar."""
-    table = committed
-    assert set(table["part"]) == set(benchmark.BENCHMARKS)
-    held = table[table["bar"].str.match("[<>]=", na=False)]
+    assert set(committed["part"]) == set(benchmark.BENCHMARKS)
+    held = committed[committed["bar"].str.match("[<>]=", na=False)]
     assert len(held) == 12
     for row in held.itertuples():
         sign, bar = row.bar.split()
         assert row.value <= float(bar) if sign == "<=" else row.value >= float(bar), row.what
-    value = table.set_index("what")["value"]
+    value = committed.set_index("what")["value"]
     ours = value["Allan deviation of 10^7 samples, 100 tau, intervals"]
     assert ours < value["allantools, the same tau, no intervals"]
 

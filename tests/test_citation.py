@@ -13,6 +13,7 @@ import jsonschema
 import pytest
 import yaml
 from matplotlib.figure import Figure
+from refused import refused
 
 from analysis import ROOT, figures, provenance
 from workbench import citation
@@ -135,8 +136,7 @@ def test_citation_file_is_valid():
     jsonschema.validate(known, schema)
     papers = [paper["abbreviation"].split()[0] for paper in known["references"]]
     assert papers == ["comparison", "terrain", "tracker"]
-    with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(known | {"year": 2026}, schema)
+    refused(jsonschema.ValidationError, None, jsonschema.validate, known | {"year": 2026}, schema)
 
 
 def test_one_version_everywhere():
@@ -160,8 +160,7 @@ def test_changelog_tells_the_verdicts_of_now():
 
 def test_changes_since_a_revision_that_is_not_there():
     """Property: one sentence instead of a traceback."""
-    with pytest.raises(SystemExit, match=r"^there is no revision nothing$"):
-        changes.ledger("nothing")
+    refused(SystemExit, r"^there is no revision nothing$", changes.ledger, "nothing")
 
 
 def test_changes_are_found(tmp_path, monkeypatch):

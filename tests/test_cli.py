@@ -100,11 +100,10 @@ def test_help_teaches(command):
     examples = re.findall(r"^  python -m analysis (.*?)(?:  .*)?$", told(command, "--help"), re.M)
     # One will do for a command that takes nothing.
     assert len(examples) >= (1 if command == "benchmark" else 2)
-    verb = cli.app.commands[command]
     for example in examples:
         name, *arguments = shlex.split(example)
         assert name == command
-        verb.make_context(name, arguments)
+        cli.app.commands[command].make_context(name, arguments)
 
 
 def test_help_lists_every_command_and_explains_every_option():
@@ -372,22 +371,18 @@ def test_a_folder_that_takes_no_file_is_named(option, tmp_path, monkeypatch):
     monkeypatch.setattr(cli.tempfile, "TemporaryFile", refuse)
     words = ["--out", "mine", "--last-position", "kept/where.json"]
     said = f"cannot answer: {option}: cannot write there (Permission denied)\n"
-    assert run("replay", ROOT / "data/raw/gpsd/rx210.log", *words)[::2] == (
-        1,
-        said,
-    ) and os.listdir() == ["kept"]
+    status, _, err = run("replay", ROOT / "data/raw/gpsd/rx210.log", *words)
+    assert (status, err) == (1, said) and os.listdir() == ["kept"]
 
 
 # --- the other commands --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    ["", "nonsense", "report f9p-static", "report nothing.csv --out x", "claims no-paper",
-     "report f9p-static --out x --rate fast", "data no-folder", "data --write",
-     "data --rebuild no-log", "reproduce 77", "reproduce 90 -p SEED=1",
-     "reproduce 90 --scratch x -p SEED", "reproduce 90 --scratch x -p SPEED=1"],
-)  # fmt: skip
+@pytest.mark.parametrize("arguments", [
+    "", "nonsense", "report f9p-static", "report nothing.csv --out x", "claims no-paper",
+    "report f9p-static --out x --rate fast", "data no-folder", "data --write",
+    "data --rebuild no-log", "reproduce 77", "reproduce 90 -p SEED=1",
+    "reproduce 90 --scratch x -p SEED", "reproduce 90 --scratch x -p SPEED=1"])  # fmt: skip
 def test_unknown_names_are_wrong_usage(tmp_path, monkeypatch, arguments):
     """Property: exit status 2, the word that is wrong on stderr, and nothing is made."""
     monkeypatch.chdir(tmp_path)

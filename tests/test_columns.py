@@ -5,6 +5,7 @@ import shlex
 import numpy as np
 import pandas as pd
 import pytest
+from refused import refused
 from test_cli import run
 
 import sensorlogs as logs
@@ -116,9 +117,8 @@ def test_gyros_and_accelerometers_are_told_apart(tmp_path, header, unit, one):
     told = {c.name: (c.kind, c.unit) for c in log.channels}
     assert sorted(told.values()) == [("accel", unit)] * 3 + [("rate", "deg/s")] * 3
     assert told[SIX[header]] == ("accel", unit)
-    with pytest.raises(WrongUsage, match="no unit is known") as asked:
-        logs.read(path)
-    assert {"--unit": f"gyro=deg/s,accel={unit}"} in asked.value.flags
+    flags = refused(WrongUsage, "no unit is known", logs.read, path).flags
+    assert {"--unit": f"gyro=deg/s,accel={unit}"} in flags
     assert len(logs.read(path, unit="gyro=deg/s").channels) == 3
 
 
@@ -172,24 +172,20 @@ def test_gyros_by_name_with_the_length_of_gravity_are_asked_about(tmp_path):
         assert kinds(logs.read(path, columns=three, kind=kind, unit=unit)) == {kind}
     assert kinds(logs.read(path, unit="gyro=deg/s")) == {"rate"}
     counts = np.round(9.8 * GYRO / np.linalg.norm(GYRO, axis=1)[:, None])
-    with pytest.raises(WrongUsage, match="--scale gyro=1/131"):
-        logs.read(write(tmp_path, "t,gx,gy,gz", T, counts))
+    refused(WrongUsage, "--scale gyro=1/131", logs.read, write(tmp_path, "t,gx,gy,gz", T, counts))
 
 
-@pytest.mark.parametrize(
-    ("header", "options"),
-    [(COUNTS, {"unit": "gyro=deg/s,accel=g"}),
-     (COUNTS, {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131"}),
-     (COUNTS, {"unit": "deg/s", "columns": ["gx", "gy", "gz"]}),
-     ("t_s,a_g,b_g,accel_z_g,gyro_x_deg_s,gyro_y_deg_s,gyro_z_deg_s", {}),
-     ("", {"unit": "deg/s", "rate": 100, "columns": [5, 6, 7]})],
-)  # fmt: skip
+@pytest.mark.parametrize(("header", "options"), [
+    (COUNTS, {"unit": "gyro=deg/s,accel=g"}),
+    (COUNTS, {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131"}),
+    (COUNTS, {"unit": "deg/s", "columns": ["gx", "gy", "gz"]}),
+    ("t_s,a_g,b_g,accel_z_g,gyro_x_deg_s,gyro_y_deg_s,gyro_z_deg_s", {}),
+    ("", {"unit": "deg/s", "rate": 100, "columns": [5, 6, 7]})])  # fmt: skip
 def test_raw_counts_are_refused_without_a_scale(tmp_path, header, options):
     """Property: whole numbers are no deg/s or g; the sentence shows the flag."""
-    with pytest.raises(WrongUsage, match="raw counts") as caught:
-        logs.read(write(tmp_path, header, *RAW), **options)
-    (flags,) = caught.value.flags
-    assert f"--scale {flags['--scale']}" in str(caught.value)
+    asked = refused(WrongUsage, "raw counts", logs.read, write(tmp_path, header, *RAW), **options)
+    (flags,) = asked.flags
+    assert f"--scale {flags['--scale']}" in str(asked)
     assert ("accel=1/16384" in flags["--scale"]) == ("columns" not in options)
 
 
@@ -204,21 +200,18 @@ def test_a_scale_turns_counts_into_the_unit(tmp_path):
     np.testing.assert_array_equal(bare.channels[0].values, 0.5 * RAW[2][:, 0])
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [({"unit": "gyros=deg/s"}, "kinds are gyro, accel, angle, position"),
-     ({"unit": "gyro=g"}, "g is a unit of accel, not of rate"),
-     ({"unit": "gyro=deg/s", "scale": "gyro=one"}, "write a number or a fraction"),
-     ({"unit": "gyro=deg/s", "scale": "gyro=1/0"}, "write a number or a fraction"),
-     ({"unit": "gyro=deg/s", "scale": "1/131"}, "--scale 1/131 is for channels of one kind"),
-     ({"unit": "position=m,gyro=deg/s"}, "--unit position= fits none"),
-     ({"unit": "gyro=deg/s", "time_unit": "min/h"}, "--time-unit min/h is not one of")],
-)  # fmt: skip
+@pytest.mark.parametrize(("options", "words"), [
+    ({"unit": "gyros=deg/s"}, "kinds are gyro, accel, angle, position"),
+    ({"unit": "gyro=g"}, "g is a unit of accel, not of rate"),
+    ({"unit": "gyro=deg/s", "scale": "gyro=one"}, "write a number or a fraction"),
+    ({"unit": "gyro=deg/s", "scale": "gyro=1/0"}, "write a number or a fraction"),
+    ({"unit": "gyro=deg/s", "scale": "1/131"}, "--scale 1/131 is for channels of one kind"),
+    ({"unit": "position=m,gyro=deg/s"}, "--unit position= fits none"),
+    ({"unit": "gyro=deg/s", "time_unit": "min/h"}, "--time-unit min/h is not one of")])  # fmt: skip
 def test_faulty_units_and_scales_are_wrong_usage(tmp_path, options, words):
     """Property: each fault in --unit, --scale and --time-unit is named."""
     path = write(tmp_path, "t,ax,ay,az,gx,gy,gz", T, ACCEL, GYRO)
-    with pytest.raises(WrongUsage, match=words):
-        logs.read(path, **options)
+    refused(WrongUsage, words, logs.read, path, **options)
 
 
 # --- time, temperature, catalogue ----------------------------------------------------------------
@@ -227,8 +220,7 @@ def test_faulty_units_and_scales_are_wrong_usage(tmp_path, options, words):
 def test_the_unit_of_time_can_be_given(tmp_path):
     """Analytic: 100 Hz in microseconds without a name that says so."""
     path = write(tmp_path, "t,gyro_x_deg_s", 1e6 * T, GYRO[:, 0])
-    with pytest.raises(WrongUsage, match="--time-unit us"):
-        logs.read(path)
+    refused(WrongUsage, "--time-unit us", logs.read, path)
     assert logs.read(path, time_unit="us").rate_hz == pytest.approx(100)
     path = write(tmp_path, "t,gyro_x_deg_s", T, GYRO[:, 0])
     assert logs.read(path, time_unit="ms").rate_hz == pytest.approx(1e5)
@@ -264,8 +256,7 @@ def test_the_catalogue_takes_the_same_keys(tmp_path, monkeypatch):
     mine = logs.read("mine")
     assert found(mine) == found(expected) and mine.rate_hz == expected.rate_hz
     said = "--unit gyro=rad/s: the catalogue has 'mine' in gyro=deg/s,accel=g"
-    with pytest.raises(WrongUsage, match=said):
-        logs.read("mine", unit="gyro=rad/s")
+    refused(WrongUsage, said, logs.read, "mine", unit="gyro=rad/s")
 
 
 def test_a_moving_log_takes_the_same_units_and_scales(tmp_path):
@@ -332,23 +323,20 @@ def test_of_two_columns_of_a_meaning_the_plainer_one_counts(tmp_path):
     assert np.median(ride.imu.accel_b[:, 2]) < -9 and ride.gnss.lat_deg[0] == 45
 
 
-@pytest.mark.parametrize(
-    ("spelled", "unit"),
-    [("º/s degree/second deg.s-1 Degrees_per_second grad/s deg·s⁻¹ degs deg_s", "deg/s"),
-     ("rad·s⁻¹ rad.s-1 rads/s radians/sec rad_per_s rad_s", "rad/s"),
-     ("m·s⁻² m.s-2 ms-2 m/s**2 meters/s^2 m/sec² m_s_2 m_s2", "m/s^2"),
-     ("deg/hr °/h deg_per_hour deg_h", "deg/h"), ("°C s Hz ms mdps m/s rad2 dBm %", None)],
-)  # fmt: skip
+@pytest.mark.parametrize(("spelled", "unit"), [
+    ("º/s degree/second deg.s-1 Degrees_per_second grad/s deg·s⁻¹ degs deg_s", "deg/s"),
+    ("rad·s⁻¹ rad.s-1 rads/s radians/sec rad_per_s rad_s", "rad/s"),
+    ("m·s⁻² m.s-2 ms-2 m/s**2 meters/s^2 m/sec² m_s_2 m_s2", "m/s^2"),
+    ("deg/hr °/h deg_per_hour deg_h", "deg/h"), ("°C s Hz ms mdps m/s rad2 dBm %", None),
+])  # fmt: skip
 def test_spellings_of_units(spelled, unit):
     """Property: one unit, however it is written; what is none of these is not guessed."""
     assert {columns.unit_of(each) for each in spelled.split()} == {unit}
 
 
-@pytest.mark.parametrize(
-    ("ends", "factors"),
-    [(("_mdps", "_ug"), (1e3, 1e6)), ((" (mrad/s)", " (cm/s²)"), (1e3 * np.pi / 180, 980.665)),
-     ((" [rpm]", " [ft/s^2]"), (1 / 6, 9.80665 / 0.3048))],
-)  # fmt: skip
+@pytest.mark.parametrize(("ends", "factors"), [
+    (("_mdps", "_ug"), (1e3, 1e6)), ((" (mrad/s)", " (cm/s²)"), (1e3 * np.pi / 180, 980.665)),
+    ((" [rpm]", " [ft/s^2]"), (1 / 6, 9.80665 / 0.3048))])  # fmt: skip
 def test_multiples_of_units(tmp_path, ends, factors):
     """Analytic: thousandths of a unit are turned into it, and said to be."""
     names = [f"{k}_{a}{end}" for k, end in zip(("gyro", "acc"), ends, strict=True) for a in "xyz"]
@@ -365,8 +353,7 @@ def test_axes_by_number_and_accelerations_without_gravity(tmp_path):
     header = "t_s,gyro[0],gyro[1],gyro[2],acc[0],acc[1],acc[2]" + 3 * ",linear acc {}"
     free = ACCEL - [0.02, 0.01, 1.0]
     path = write(tmp_path, header.format(*"xyz"), T, GYRO, 9.80665 * ACCEL, free)
-    with pytest.raises(WrongUsage, match="--unit gyro=deg/s,accel=m/s\\^2"):
-        logs.read(path)
+    refused(WrongUsage, "--unit gyro=deg/s,accel=m/s\\^2", logs.read, path)
     log = logs.read(path, unit="gyro=deg/s,accel=m/s^2")
     assert [c.unit for c in log.channels] == ["deg/s"] * 3 + ["m/s^2"] * 3
     assert "accel with gravity taken off" in left_out(log)
@@ -375,9 +362,8 @@ def test_axes_by_number_and_accelerations_without_gravity(tmp_path):
 def test_a_bare_unit_beside_stated_ones_is_left_out(tmp_path):
     """Property: where every name has its unit, the command that works has no --unit."""
     path = write(tmp_path, "t,accel_x_g,gyro_x_deg_s", T, ACCEL[:, 0], GYRO[:, 0])
-    with pytest.raises(WrongUsage, match="leave out --unit") as caught:
-        logs.read(path, unit="deg/s")
-    assert caught.value.flags == ({"--unit": None},)
+    asked = refused(WrongUsage, "leave out --unit", logs.read, path, unit="deg/s")
+    assert asked.flags == ({"--unit": None},)
 
 
 @pytest.mark.parametrize("header", ["t,gx,gy,gz", "t,gx,gy,gz,accel_x_g"])

@@ -44,15 +44,14 @@ def test_intervals_hold_the_truth(papers):
 
 
 @pytest.mark.parametrize(
-    ("estimator", "parameter", "hours", "models", "statistic", "low", "high"),
-    [("likelihood", "sigma_v", (2, 6), [*coverage.papers()], "mean", 0.99, 1.01),
-     ("N+GM, unselected", "corr_time", (6,), [*coverage.papers()], "mean", 0.95, 1.05),
-     ("1/e", "corr_time", (2,), ["midg-roll"], "median", 0.0, 0.7),
-     ("likelihood", "drift", (2, 6), ["walk"], "covered", 0.92, 1.0),
-     ("likelihood", "bias_instability", (2, 6), ["flicker"], "covered", 0.9, 1.0),
-     ("likelihood", "rrw", (2, 6), ["flicker"], "covered", 0.9, 1.0),
-     ("likelihood", "drift", (2, 6), ["weak-bias"], "covered", 0.9, 1.0)],
-)  # fmt: skip
+    ("estimator", "parameter", "hours", "models", "statistic", "low", "high"), [
+    ("likelihood", "sigma_v", (2, 6), [*coverage.papers()], "mean", 0.99, 1.01),
+    ("N+GM, unselected", "corr_time", (6,), [*coverage.papers()], "mean", 0.95, 1.05),
+    ("1/e", "corr_time", (2,), ["midg-roll"], "median", 0.0, 0.7),
+    ("likelihood", "drift", (2, 6), ["walk"], "covered", 0.92, 1.0),
+    ("likelihood", "bias_instability", (2, 6), ["flicker"], "covered", 0.9, 1.0),
+    ("likelihood", "rrw", (2, 6), ["flicker"], "covered", 0.9, 1.0),
+    ("likelihood", "drift", (2, 6), ["weak-bias"], "covered", 0.9, 1.0)])  # fmt: skip
 def test_what_the_study_says(study, estimator, parameter, hours, models, statistic, low, high):
     """published: N to 1 %, T_c at 6 h to 5 % where it is finite; the usual recipes are biased."""
     told = study[study["hours"].isin(hours) & study["model"].isin(models)]
@@ -88,12 +87,10 @@ def test_some_logs_of_the_study_again(study):
     assert abs(sigma_v["q025"] - 1) < width and abs(sigma_v["q975"] - 1) < width
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    ["--hours two", "--runs 0", "--hours -1", "--models x", "--workers 0", "real --runs 3", "flat",
-     "beside --hours 2", "beside --models weak-walk", "hats --entry x=y",
-     "beside --entry x=echo", "beside --entry GMWM=e\t{log}\t{answer}"],
-)  # fmt: skip
+@pytest.mark.parametrize("arguments", [
+    "--hours two", "--runs 0", "--hours -1", "--models x", "--workers 0", "real --runs 3", "flat",
+    "beside --hours 2", "beside --models weak-walk", "hats --entry x=y", "beside --entry x=echo",
+    "beside --entry GMWM=e\t{log}\t{answer}"])  # fmt: skip
 def test_wrong_usage(arguments, tmp_path, capsys):
     """property: what makes no study, or two, is refused in a sentence, and nothing is written."""
     assert main(["coverage", *arguments.split(" "), "--out", str(tmp_path / "x")]) == 2

@@ -7,6 +7,7 @@ import numpy as np
 import pooch
 import pytest
 import rdata
+from refused import refused
 
 from analysis import DATA, CannotAnswer, WrongUsage
 from sensorlogs import catalogue, datasets, read
@@ -47,8 +48,7 @@ def test_the_folder_variable_comes_first_and_other_bytes_are_refused(copy):
     assert datasets.available(NAME) and datasets.path(NAME) == copy
     copy.write_bytes(copy.read_bytes()[:-1] + b"?")
     assert not datasets.available(NAME)
-    with pytest.raises(CannotAnswer, match=r"gpsd-logs/rx210\.log .*not the registered file"):
-        datasets.path(NAME)
+    refused(CannotAnswer, r"gpsd-logs/rx210\.log .*not the registered file", datasets.path, NAME)
 
 
 RAW = "adis16405-static/adis_16405_imu1.rda"
@@ -71,8 +71,7 @@ def test_names_and_unknown_names():
     assert datasets.names("mpu6050-static") == datasets.names("mpu6050-static/*")
     assert datasets.names(NAME) == [NAME]
     for call in (datasets.names, datasets.dataset):
-        with pytest.raises(WrongUsage, match=r"nothing\.log"):
-            call("nothing.log")
+        refused(WrongUsage, r"nothing\.log", call, "nothing.log")
 
 
 def test_addresses_name_a_commit():
@@ -127,6 +126,5 @@ def test_a_large_set_keeps_the_sha256_of_its_first_use(tmp_path, monkeypatch):
 def test_a_failed_download_is_one_sentence(monkeypatch, error, words):
     """Property: no connection, or other bytes: said plainly, and nothing is left behind."""
     monkeypatch.setattr(pooch, "retrieve", Mock(side_effect=error))
-    with pytest.raises(CannotAnswer, match=words):
-        datasets.fetch(AWAY)
+    refused(CannotAnswer, words, datasets.fetch, AWAY)
     assert not datasets.DOWNLOADED.exists()

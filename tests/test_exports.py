@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 from pyins.inertial_sensor import EstimationModel, Parameters
+from refused import refused
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.noise.inference import infer
@@ -19,12 +20,10 @@ from workbench import conventions, exports
 
 RATE, HOURS = 10.0, 6.0
 DT = 1 / RATE
-SIGMA_WHITE = {"gyroscope": 1e-3, "accelerometer": 1e-2}  # SI, of one sample
-TIME = 80.0  # s, correlation time
 FACTORS = {"x": 1.0, "y": 1.3, "z": 0.8}
-TRUTH = {  # SI: N, sigma_b, T_c of x, y, z
-    sensor: {a: (k * white * DT**0.5, 0.2 * k * white, TIME) for a, k in FACTORS.items()}
-    for sensor, white in SIGMA_WHITE.items()
+TRUTH = {  # SI: N, sigma_b, T_c of x, y, z, from the white noise of one sample
+    sensor: {a: (k * white * DT**0.5, 0.2 * k * white, 80.0) for a, k in FACTORS.items()}
+    for sensor, white in {"gyroscope": 1e-3, "accelerometer": 1e-2}.items()
 }
 NAMES = {"gyroscope": ("gyro", "rate", "arw"), "accelerometer": ("accel", "accel", "vrw")}
 UNITS = {"gyroscope": "rad/s", "accelerometer": "m/s^2"}
@@ -61,11 +60,9 @@ def channel(sensor="gyroscope", axis="x", white=1e-4, sigma_b=None, corr_time=No
 
 def model(*channels, unit=UNITS):
     """Write a model.json; by default one of the truth, with both triads."""
-    channels = channels or [
-        channel(s, a, *values, unit=unit[s]) for s in TRUTH for a, values in TRUTH[s].items()
-    ]
+    truth = (channel(s, a, *v, unit=unit[s]) for s in TRUTH for a, v in TRUTH[s].items())
     source = {"file": "my.csv", "rate_hz": RATE, "duration_s": 3600 * HOURS}
-    return {"source": source, "channels": list(channels)}
+    return {"source": source, "channels": list(channels or truth)}
 
 
 def rms(values):
@@ -208,8 +205,7 @@ def test_pyins_simulates_what_kalibr_and_pyins_are_told():
 def test_a_random_walk_alone_reaches_every_tool():
     """Analytic: with K resolved and no Gauss-Markov term, each tool's bias steps by K sqrt(dt)."""
     k = 3e-6
-    axes = (channel(axis=axis, rrw=k) for axis in "xyz")
-    texts = exports.files(model(*axes))
+    texts = exports.files(model(*(channel(axis=axis, rrw=k) for axis in "xyz")))
     for tool in (gnss_ins_sim, gazebo_classic, gz_sim):
         got = tool(texts, "gyroscope", "x")
         # 1e-4: Gazebo classic computes exp(-2e-10) - 1 with 1e-16 to spare
@@ -360,11 +356,9 @@ def test_other_axes_stand_in_for_none():
     assert "no accelerometer in this log" in texts["README.md"]
 
 
-@pytest.mark.parametrize(
-    "names, letters",
-    [("gyro_x gyro_y gyro_z", "xyz"), ("gz gx", "zx"), ("yaw_rate roll_rate pitch_rate", "zxy"),
-     ("X-rate", "x"), ("a b c", "xyz"), ("a b c d", None), ("g1_x g2_x", None)],
-)  # fmt: skip
+@pytest.mark.parametrize("names, letters", [
+    ("gyro_x gyro_y gyro_z", "xyz"), ("gz gx", "zx"), ("yaw_rate roll_rate pitch_rate", "zxy"),
+    ("X-rate", "x"), ("a b c", "xyz"), ("a b c d", None), ("g1_x g2_x", None)])  # fmt: skip
 def test_axes_are_told_by_name(names, letters):
     """Property: x, y, z or roll, pitch, yaw in the name; else the order of up to three."""
     triads, left_out = exports.sort_triads(model(*[channel() | {"name": n} for n in names.split()]))
@@ -406,9 +400,8 @@ def test_comments_cannot_break_a_file():
 
 def broken(path, value):
     """Give the model with one entry replaced."""
-    whole = model()
     *way, last = path
-    part = whole
+    whole = part = model()
     for key in way:
         part = part[key]
     part[last] = value
@@ -429,24 +422,20 @@ NO_MODEL = (
 @pytest.mark.parametrize("wrong", [*NO_MODEL, {"sources": [], "seed": 1, "channels": []}])
 def test_what_is_no_model_is_refused(wrong):
     """Property: one sentence, whatever is missing; what `pool` wrote is called by its name."""
-    with pytest.raises(WrongUsage, match="this is a pooled" if "seed" in wrong else "no model"):
-        exports.files(wrong)
+    refused(WrongUsage, "this is a pooled" if "seed" in wrong else "no model", exports.files, wrong)
 
 
-@pytest.mark.parametrize(
-    ("parameter", "key", "value"),
-    [("arw", "value", -1), ("arw", "value", "abc"), ("arw", "value", True),
-     ("arw", "low", float("nan")), ("rrw", "high", float("inf")), ("sigma_b", "value", 1e200),
-     ("corr_time", "value", 0)],
-)  # fmt: skip
+@pytest.mark.parametrize(("parameter", "key", "value"), [
+    ("arw", "value", -1), ("arw", "value", "abc"), ("arw", "value", True),
+    ("arw", "low", float("nan")), ("rrw", "high", float("inf")), ("sigma_b", "value", 1e200),
+    ("corr_time", "value", 0)])  # fmt: skip
 def test_a_number_that_cannot_be_is_named(tmp_path, parameter, key, value):
     """Property: an edited number is refused with file, channel and parameter; nothing written."""
     path = tmp_path / "edited.json"
     path.write_text(json.dumps(broken(["channels", 1, "parameters", parameter, key], value)))
-    with pytest.raises(WrongUsage) as caught:
-        exports.export(path, tmp_path / "out")
+    message = str(refused(WrongUsage, None, exports.export, path, tmp_path / "out"))
     said = f"{key} of {parameter} of gyro_y is {value!r}, not a number above zero that"
-    assert str(caught.value).startswith(f"{path}: ") and said in str(caught.value)
+    assert message.startswith(f"{path}: ") and said in message
     assert not (tmp_path / "out").exists()
 
 
@@ -458,12 +447,9 @@ def test_export_of_a_file(tmp_path):
     assert {p.name for p in out.iterdir()} == {*exports.TITLES, "README.md"}
     path.write_text(json.dumps(model(channel() | {"kind": "angle", "name": "roll"})))
     before = {p.name: p.read_bytes() for p in out.iterdir()}
-    with pytest.raises(CannotAnswer, match=r"nothing to export; .*roll is of kind angle"):
-        exports.export(path, out)
+    refused(CannotAnswer, r"nothing to export; .*roll is of kind angle", exports.export, path, out)
     assert {p.name: p.read_bytes() for p in out.iterdir()} == before
     for text in ("not JSON", "[1, 2]", "\xff"):
         path.write_text(text, encoding="latin-1")
-        with pytest.raises(WrongUsage, match="no model"):
-            exports.export(path, out)
-    with pytest.raises(WrongUsage, match="cannot be read"):
-        exports.export(tmp_path / "none.json", out)
+        refused(WrongUsage, "no model", exports.export, path, out)
+    refused(WrongUsage, "cannot be read", exports.export, tmp_path / "none.json", out)

@@ -206,8 +206,7 @@ def test_no_two_panels_have_one_name_and_none_has_tex():
         ax.set(title="$T_c$", xlabel="t (s)", ylabel=y)
     fig.axes[3].set_xlabel("$σ_b$ (s)")
     fig.axes[1].lines[0].set_label(plots.plain("a$b {c}"))
-    names = ["T_c, a, t, 1", "T_c, b, t", "T_c, a, t, 3", "T_c, b, σ_b"]
-    assert list(figures.axes_of(fig)) == names
+    assert [*figures.axes_of(fig)] == ["T_c, a, t, 1", "T_c, b, t", "T_c, a, t, 3", "T_c, b, σ_b"]
     assert set(figures.plotted_numbers(fig)["series"]) == {"e^(-t/T_c), N√τ", "a$b {c}"}
 
 
@@ -255,36 +254,34 @@ def test_what_lies_under_one_dot_is_left_out(draw, tmp_path, monkeypatch):
     """Property: far fewer points, all of them among the given ones, and the same picture."""
     pictures = []
     for dense, few in ((1e9, 1e9), (figures.DENSE, figures.FEW)):
-        fig = Figure(figsize=(3.5, 2), layout="constrained")
-        ax = fig.subplots()
+        ax = Figure(figsize=(3.5, 2), layout="constrained").subplots()
         ax.set(xlabel="time (s)", ylabel="rate (°/s)")
         draw(ax)
-        before = figures.plotted_numbers(fig)
+        before = figures.plotted_numbers(ax.figure)
         monkeypatch.setattr(figures, "DENSE", dense)
         monkeypatch.setattr(figures, "FEW", few)
-        figures.save(fig, NAME, CAPTION, to=tmp_path)
+        figures.save(ax.figure, NAME, CAPTION, to=tmp_path)
         pictures.append(np.asarray(Image.open(tmp_path / f"{NAME}.png").convert("L")) < 250)
-    after = figures.plotted_numbers(fig)
+    after = figures.plotted_numbers(ax.figure)
     assert len(after) < len(before) / 3
     both = before[["x", "y", "y2"]].merge(after[["x", "y", "y2"]].drop_duplicates())
     assert len(both) >= len(after)
-    ink = pictures[0].sum()  # edges are blended, and a pen may be thinner than a point
-    assert (pictures[0] ^ pictures[1]).sum() < 0.1 * ink
+    # Edges are blended, and a pen may be thinner than a point.
+    assert (pictures[0] ^ pictures[1]).sum() < 0.1 * pictures[0].sum()
 
 
 def test_a_legend_stays_where_it_was(tmp_path):
     """Property: the place that is best among all points, not among what thinning left of them."""
-    fig = Figure()
-    ax = fig.subplots()
+    ax = axes()
     ax.set(xlabel="time (s)", ylabel="rate (°/s)", ylim=(0, 3))
     few = [v.ravel() for v in np.meshgrid(np.linspace(0, 4, 5), np.linspace(0.1, 2.9, 6))]
     ax.plot(*few, "o", label="few points")
     for level in (0.1, 0.6, 1.5, 2.3, 2.9):
         (line,) = ax.plot(np.linspace(5, 10, 400), np.full(400, level), label="many points")
     legend = ax.legend(handles=[line], fontsize=30)
-    fig.draw_without_rendering()
+    ax.figure.draw_without_rendering()
     before = legend.get_window_extent().bounds
-    figures.save(fig, NAME, CAPTION, to=tmp_path)
+    figures.save(ax.figure, NAME, CAPTION, to=tmp_path)
     assert len(line.get_xdata()) == 2
     np.testing.assert_allclose(legend.get_window_extent().bounds, before)
 
@@ -342,22 +339,20 @@ def test_contour_lines_and_guides():
 # --- drawing that notebooks share ----------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("estimate", "words"),
-    [(Estimate(1 / 60, 0.5 / 60, 2 / 60, "deg/sqrt(s)"), "1.0 (0.5 to 2.0) °/√h"),
-     (Estimate(1 / 3600, 0.0, 2 / 3600, "deg/s"), "1.0 (0.0 to 2.0) °/h"),
-     (Estimate(np.pi / 180 / 60, None, None, "rad/sqrt(s)"), "1 (no bound) °/√h"),
-     (Estimate(1 / 60, 0.5 / 60, 2 / 60, "rad/s/sqrt(s)"), "210000 (100000 to 410000) °/h/√h"),
-     (Estimate(18.0, 12.0, 24.0, "deg/h*sqrt(s)"), "0.30 (0.20 to 0.40) °/√h"),
-     (Estimate(1000e-6, 997e-6, 1003e-6, "g"), "1.000 (0.997 to 1.003) mg"),
-     (Estimate(5.0, 0.05, 9.80665, "m/s^2"), "500 (5 to 1000) mg"),
-     (Estimate(1.7e7, 0.52, 5.6e14), "1.7×10⁷ (0.52 to 5.6×10¹⁴)"),
-     (Estimate(1.0, 0.5, 2.0, "deg/h/sqrt(s)"), "60 (30 to 120) °/h/√h"),
-     (Estimate(5.0, 5.0, 5.0, "s"), "5 (5 to 5) s"),
-     (Estimate.refused("s", "", low=12.0), "unresolved (at least 12 s)"),
-     (Estimate.refused("g", "", high=3e-6), "unresolved (at most 3 µg)"),
-     (Estimate.refused("m", ""), "unresolved (no bound)")],
-)  # fmt: skip
+@pytest.mark.parametrize(("estimate", "words"), [
+    (Estimate(1 / 60, 0.5 / 60, 2 / 60, "deg/sqrt(s)"), "1.0 (0.5 to 2.0) °/√h"),
+    (Estimate(1 / 3600, 0.0, 2 / 3600, "deg/s"), "1.0 (0.0 to 2.0) °/h"),
+    (Estimate(np.pi / 180 / 60, None, None, "rad/sqrt(s)"), "1 (no bound) °/√h"),
+    (Estimate(1 / 60, 0.5 / 60, 2 / 60, "rad/s/sqrt(s)"), "210000 (100000 to 410000) °/h/√h"),
+    (Estimate(18.0, 12.0, 24.0, "deg/h*sqrt(s)"), "0.30 (0.20 to 0.40) °/√h"),
+    (Estimate(1000e-6, 997e-6, 1003e-6, "g"), "1.000 (0.997 to 1.003) mg"),
+    (Estimate(5.0, 0.05, 9.80665, "m/s^2"), "500 (5 to 1000) mg"),
+    (Estimate(1.7e7, 0.52, 5.6e14), "1.7×10⁷ (0.52 to 5.6×10¹⁴)"),
+    (Estimate(1.0, 0.5, 2.0, "deg/h/sqrt(s)"), "60 (30 to 120) °/h/√h"),
+    (Estimate(5.0, 5.0, 5.0, "s"), "5 (5 to 5) s"),
+    (Estimate.refused("s", "", low=12.0), "unresolved (at least 12 s)"),
+    (Estimate.refused("g", "", high=3e-6), "unresolved (at most 3 µg)"),
+    (Estimate.refused("m", ""), "unresolved (no bound)")])  # fmt: skip
 def test_estimates_are_written_in_the_units_of_the_trade(estimate, words):
     """Analytic: 1 deg/sqrt(s) is 60 deg/sqrt(h), 1 deg/s is 3600 deg/h, 1 g is 1e6 µg."""
     assert str(estimate) == words
@@ -381,8 +376,7 @@ def test_customary_units_are_the_same_quantity(unit):
         assert factor == pytest.approx(in_si(unit) / in_si(name))
     assert [factor for factor, _ in given] == sorted((f for f, _ in given), reverse=True)
     # A thousand of one unit is one of the next, where there is a next.
-    last = len(given) - 1
-    for size, name in ((999.0, given[0][1]), (1001.0, given[min(1, last)][1])):
+    for size, name in ((999.0, given[0][1]), (1001.0, given[:2][-1][1])):
         assert Estimate(size / given[0][0], None, None, unit).value_text.endswith(name)
 
 
@@ -432,12 +426,10 @@ def test_exponents_are_written_out():
     assert analysis.without_exponents(text) == words
 
 
-@pytest.mark.parametrize(
-    ("bounds", "ends", "markers"),
-    [((2.0, 3.0), (2.0, 3.0), ["None", "|", "|"]), ((2.0, None), (2.0, 10.0), ["None", "|", ">"]),
-     ((None, 3.0), (1.0, 3.0), ["None", "<", "|"]), ((0.0, 3.0), (1.0, 3.0), ["None", "<", "|"]),
-     ((None, None), (1.0, 10.0), ["None", "<", ">"])],
-)  # fmt: skip
+@pytest.mark.parametrize(("bounds", "ends", "markers"), [
+    ((2.0, 3.0), (2.0, 3.0), ["None", "|", "|"]), ((2.0, None), (2.0, 10.0), ["None", "|", ">"]),
+    ((None, 3.0), (1.0, 3.0), ["None", "<", "|"]), ((0.0, 3.0), (1.0, 3.0), ["None", "<", "|"]),
+    ((None, None), (1.0, 10.0), ["None", "<", ">"])])  # fmt: skip
 def test_an_interval_bar_ends_where_the_interval_does(bounds, ends, markers):
     """Property: from bound to bound; a side that is open runs to the edge, as an arrow."""
     ax = axes()

@@ -105,14 +105,12 @@ def test_repeats():
 BEFORE = np.arange(100)
 
 
-@pytest.mark.parametrize(
-    ("t", "row", "words"),
-    [(np.r_[BEFORE, np.arange(90, 200)], 100, "backward by 9 s"),
-     (np.r_[BEFORE, np.arange(1e9, 1e9 + 100)], 100, "missing"),
-     (np.r_[BEFORE, np.full(100, np.nan)], 100, "no time stamp"),
-     (np.zeros(100), 0, "do not advance"), (np.repeat([0.0, 1.0, 2.0], 40), 0, "fewer than 4"),
-     (np.arange(2), 1, "ends after 2")],
-)  # fmt: skip
+@pytest.mark.parametrize(("t", "row", "words"), [
+    (np.r_[BEFORE, np.arange(90, 200)], 100, "backward by 9 s"),
+    (np.r_[BEFORE, np.arange(1e9, 1e9 + 100)], 100, "missing"),
+    (np.r_[BEFORE, np.full(100, np.nan)], 100, "no time stamp"),
+    (np.zeros(100), 0, "do not advance"), (np.repeat([0.0, 1.0, 2.0], 40), 0, "fewer than 4"),
+    (np.arange(2), 1, "ends after 2")])  # fmt: skip
 def test_stamps_that_cannot_be_used_name_their_row(t, row, words):
     """Property: the row of the fault, so that the caller can name the line."""
     with pytest.raises(times.BadStamps, match=words) as caught:
@@ -132,18 +130,17 @@ def test_time_columns_and_their_units_are_told_from_the_name():
 FINE = np.arange(100) / 100
 
 
-@pytest.mark.parametrize(
-    ("name", "column", "said"),
-    [("t_ms", 1e3 * FINE, None), ("t_us", 1e6 * FINE, None), ("t", FINE, "seconds"),
-     ("t", 1.7e9 + FINE, "seconds since 1970"),
-     ("t", 1.7e12 + 1e3 * FINE, "milliseconds since 1970"),
-     ("t", 1.7e15 + 1e6 * FINE, "microseconds since 1970"),
-     ("t", 1.7e18 + 1e9 * FINE, "nanoseconds since 1970"),
-     ("micros", (4294.9e6 + 1e6 * FINE) % 2**32, "overflowed"),
-     ("t_ms", (65000 + 1e3 * FINE) % 2**16, "overflowed"),
-     ("GPS TOW (s)", (604799.5 + FINE) % 604800, "overflowed"), ("Zeit [ms]", 1e3 * FINE, None),
-     ("time_d", 45413.4166 + FINE / 86400, None)],  # of a spreadsheet
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "column", "said"), [
+    ("t_ms", 1e3 * FINE, None), ("t_us", 1e6 * FINE, None), ("t", FINE, "seconds"),
+    ("t", 1.7e9 + FINE, "seconds since 1970"),
+    ("t", 1.7e12 + 1e3 * FINE, "milliseconds since 1970"),
+    ("t", 1.7e15 + 1e6 * FINE, "microseconds since 1970"),
+    ("t", 1.7e18 + 1e9 * FINE, "nanoseconds since 1970"),
+    ("micros", (4294.9e6 + 1e6 * FINE) % 2**32, "overflowed"),
+    ("t_ms", (65000 + 1e3 * FINE) % 2**16, "overflowed"),
+    ("GPS TOW (s)", (604799.5 + FINE) % 604800, "overflowed"), ("Zeit [ms]", 1e3 * FINE, None),
+    ("time_d", 45413.4166 + FINE / 86400, None),  # of a spreadsheet
+])  # fmt: skip
 def test_units_of_time(name, column, said):
     """Analytic: a hundred samples at 100 Hz in every way to write time."""
     stamps = times.stamps(name, column)

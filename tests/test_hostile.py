@@ -34,9 +34,8 @@ def test_refused_in_a_sentence(verb, content, flags, status, words, tmp_path, mo
     """property: one line, the exit status of the contract, and no folder is left."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "log.csv").write_text(content)
-    given = [verb, "log.csv", *({"--out": "mine"} | dict([flags] if flags else [])).items()]
-    words_given = [w for part in given for w in ([part] if isinstance(part, str) else part)]
-    assert cli.main(words_given) == status
+    out = [] if "--out" in flags else ["--out", "mine"]
+    assert cli.main([verb, "log.csv", *out, *flags]) == status
     err = capsys.readouterr().err
     assert err.count("\n") == 1 and words in err
     assert [p.name for p in tmp_path.iterdir()] == ["log.csv"]
@@ -56,11 +55,9 @@ FULL = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (99, 99));"
 FULL += "import sys, workbench.cli; sys.exit(workbench.cli.main())"
 
 
-@pytest.mark.parametrize(
-    "command",
-    ["replay data/raw/gpsd/telit-he910.log",
-     "coverage --runs 2 --hours 0.1 --models midg-roll --workers 1"],
-)  # fmt: skip
+@pytest.mark.parametrize("command", [
+    "replay data/raw/gpsd/telit-he910.log",
+    "coverage --runs 2 --hours 0.1 --models midg-roll --workers 1"])  # fmt: skip
 def test_a_disk_that_is_full_while_files_are_written(command, tmp_path):
     """property: one sentence, status 1, and no file, whole or half."""
     command = [sys.executable, "-c", FULL, *command.split(), "--out", str(tmp_path / "out")]

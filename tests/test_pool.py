@@ -157,13 +157,11 @@ def test_pool_writes_what_it_prints(tmp_path, axes, capsys):
     assert "between units" in out and str(tmp_path) not in json.dumps(found)
 
 
-@pytest.mark.parametrize(
-    ("names", "dt", "says"),
-    [(["gyro_x_deg_s", "gyro_y_deg"], DT, "rate in deg/s, and gyro_y of"),
-     (["gyro_x_deg_s", "gyro_y_rad_s"], DT, "rate in rad/s; pool logs of one kind and unit"),
-     (["gyro_x_deg_s", "gyro_z_deg_s"], DT, "no channel gyro_y"),
-     (["gyro_x_deg_s", "gyro_y_deg_s"], 0.1, "20 Hz"), (None, DT, "nothing to pool")],
-)  # fmt: skip
+@pytest.mark.parametrize(("names", "dt", "says"), [
+    (["gyro_x_deg_s", "gyro_y_deg"], DT, "rate in deg/s, and gyro_y of"),
+    (["gyro_x_deg_s", "gyro_y_rad_s"], DT, "rate in rad/s; pool logs of one kind and unit"),
+    (["gyro_x_deg_s", "gyro_z_deg_s"], DT, "no channel gyro_y"),
+    (["gyro_x_deg_s", "gyro_y_deg_s"], 0.1, "20 Hz"), (None, DT, "nothing to pool")])  # fmt: skip
 def test_logs_that_do_not_belong_together(tmp_path, names, dt, says, capsys):
     """property: other units, channels or rates, or one log alone: one sentence, nothing written."""
     logs = [write(tmp_path / "a.csv", 0)]

@@ -75,8 +75,8 @@ def test_environment_is_in_step():
     found = {r.name: str(r.specifier) for r in map(Requirement, set(pip) - {"-e ."})}
     assert found == project_requirements()
     python = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["requires-python"]
-    chosen = listed[0].removeprefix("python=")  # Binder reads one release, no range
-    assert SpecifierSet(python).contains(chosen)
+    # Binder reads one release, no range.
+    assert SpecifierSet(python).contains(listed[0].removeprefix("python="))
 
 
 def test_lock_is_in_step():

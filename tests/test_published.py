@@ -196,10 +196,8 @@ PORTIONS = {
     "Rotation matrix conversion": "yaw-alignment-rotation",
 }  # fmt: skip
 ENDS = {"arw_deg_sqrt_s": "-n", "b_deg_s": "-b"}
-OF_FIT = {
-    "sigma_v_deg": "-sigma-v", "corr_time_s": "-tau", "sigma_b_deg": "-sigma-b",
-    "drift_deg_h": "-drift",
-}  # fmt: skip
+OF_FIT = {"sigma_v_deg": "-sigma-v", "corr_time_s": "-tau", "sigma_b_deg": "-sigma-b",
+          "drift_deg_h": "-drift"}  # fmt: skip
 OF_TABLE_1 = {"input": "-input", "recovered": "-recovered"}
 # Table -> its rows, the stem of a row's claims, and the end of the claim of each column.
 COPIED = {

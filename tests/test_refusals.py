@@ -55,15 +55,13 @@ def ends_of(e):
     return e.value, e.low, e.high
 
 
-@pytest.mark.parametrize(
-    ("drift", "warm_up", "why"),
-    [((1.0, 0.5, 1.5), False, None), ((2.0, 0.6, 3.0), False, None),
-     ((-2.0, -3.0, -0.59), False, said("near_zero")),  # 0.3 of the value, from zero
-     ((1.0, -0.1, 1.5), False, "slow bias"), ((1.0, 0.0, 1.5), False, "slow bias"),
-     ((-1.0, -1.5, 0.0), False, "slow bias"), ((1.0, -0.1, 1.5), True, "warm-up"),
-     # Not more than 0.3 of the value from an end to it.
-     ((2.0, 1.4, 3.0), True, None), ((-2.0, -3.0, -1.39), True, "warm-up")],
-)  # fmt: skip
+@pytest.mark.parametrize(("drift", "warm_up", "why"), [
+    ((1.0, 0.5, 1.5), False, None), ((2.0, 0.6, 3.0), False, None),
+    ((-2.0, -3.0, -0.59), False, said("near_zero")),  # 0.3 of the value, from zero
+    ((1.0, -0.1, 1.5), False, "slow bias"), ((1.0, 0.0, 1.5), False, "slow bias"),
+    ((-1.0, -1.5, 0.0), False, "slow bias"), ((1.0, -0.1, 1.5), True, "warm-up"),
+    # Not more than 0.3 of the value from an end to it.
+    ((2.0, 1.4, 3.0), True, None), ((-2.0, -3.0, -1.39), True, "warm-up")])  # fmt: skip
 @pytest.mark.parametrize("rise", [-3.9, 0.5, 3.9, 4.1])
 def test_a_drift_by_its_interval(drift, warm_up, why, rise, monkeypatch):
     """known case: refused where the interval holds zero, or comes near it beside a warm-up."""
@@ -112,27 +110,26 @@ def test_white_noise_by_its_band():
     assert ends_of(e) == (0.1, 0.06, 0.3) and "N+B+K" in e.note
 
 
-@pytest.mark.parametrize(
-    ("chosen", "aics", "ends", "expected", "why"), [
-        # A model without a walk and a bias as good within 4 speaks against the walk.
-        ("N+K", {"N+K": 0.0, "N": 4.0}, {}, (None, None, 0.02), "nearly as well as N+K"),
-        ("N+K", {"N+K": 0.0, "N": 4.1}, {}, (0.01, 0.005, 0.02), "a slow bias looks alike"),
-        ("N+K", {"N+K": 0.0}, {("N+B+K", "rrw"): (0.002, 0.015)}, (0.01, 0.002, 0.02), "flicker"),
-        ("N+K", {"N+K": 0.0}, {("N+B+K", "rrw"): (None, 0.03)}, (None, None, 0.03), "flicker"),
-        ("N+B+K", {"N+B+K": 0.0, "N+B": 3.9}, {}, (None, None, 0.02), "N+B"),
-        ("N+B+K", {"N+B+K": 0.0}, {}, (0.01, 0.005, 0.02), "likelihood of N+B+K"),
-        ("N+GM+K", {"N+GM+K": 0.0, "N+GM": 0.0}, {("N+2GM+K", "rrw"): (0.004, 0.03)},
-         (0.01, 0.004, 0.03), "with and without a second bias"),
-        ("N+GM+K", {"N+GM+K": 0.0}, {("N+2GM+K", "rrw"): (0.006, 0.01)}, (0.01, 0.005, 0.02), ""),
-        ("N+GM+K", {"N+GM+K": 0.0}, {("N+2GM+K", "rrw"): (None, 0.01)}, (None, None, 0.02),
-         said("second_bias")),
-        ("N+GM+K", {"N+GM+K": 0.0}, {("N+2GM+K", "rrw"): (0.001, None)}, (0.01, 0.001, None), ""),
-        ("N+K", {"N+K": 0.0}, {("N+K", "rrw"): (None, 0.02)}, (None, None, 0.02), ""),
-        # Without a walk the bound is that of the model with one.
-        ("N", {"N": 0.0}, {("N+K", "rrw"): (0.1, 0.7)}, (None, None, 0.7), "N fits the log"),
-        ("N+B", {"N+B": 0.0}, {("N+B+K", "rrw"): (0.1, 0.6)}, (None, None, 0.6), "N+B fits"),
-        ("N+GM", {"N+GM": 0.0}, {("N+GM+K", "rrw"): (0.1, 0.5)}, (None, None, 0.5), "N+GM fits")],
-)  # fmt: skip
+@pytest.mark.parametrize(("chosen", "aics", "ends", "expected", "why"), [
+    # A model without a walk and a bias as good within 4 speaks against the walk.
+    ("N+K", {"N+K": 0.0, "N": 4.0}, {}, (None, None, 0.02), "nearly as well as N+K"),
+    ("N+K", {"N+K": 0.0, "N": 4.1}, {}, (0.01, 0.005, 0.02), "a slow bias looks alike"),
+    ("N+K", {"N+K": 0.0}, {("N+B+K", "rrw"): (0.002, 0.015)}, (0.01, 0.002, 0.02), "flicker"),
+    ("N+K", {"N+K": 0.0}, {("N+B+K", "rrw"): (None, 0.03)}, (None, None, 0.03), "flicker"),
+    ("N+B+K", {"N+B+K": 0.0, "N+B": 3.9}, {}, (None, None, 0.02), "N+B"),
+    ("N+B+K", {"N+B+K": 0.0}, {}, (0.01, 0.005, 0.02), "likelihood of N+B+K"),
+    ("N+GM+K", {"N+GM+K": 0.0, "N+GM": 0.0}, {("N+2GM+K", "rrw"): (0.004, 0.03)},
+     (0.01, 0.004, 0.03), "with and without a second bias"),
+    ("N+GM+K", {"N+GM+K": 0.0}, {("N+2GM+K", "rrw"): (0.006, 0.01)}, (0.01, 0.005, 0.02), ""),
+    ("N+GM+K", {"N+GM+K": 0.0}, {("N+2GM+K", "rrw"): (None, 0.01)}, (None, None, 0.02),
+     said("second_bias")),
+    ("N+GM+K", {"N+GM+K": 0.0}, {("N+2GM+K", "rrw"): (0.001, None)}, (0.01, 0.001, None), ""),
+    ("N+K", {"N+K": 0.0}, {("N+K", "rrw"): (None, 0.02)}, (None, None, 0.02), ""),
+    # Without a walk the bound is that of the model with one.
+    ("N", {"N": 0.0}, {("N+K", "rrw"): (0.1, 0.7)}, (None, None, 0.7), "N fits the log"),
+    ("N+B", {"N+B": 0.0}, {("N+B+K", "rrw"): (0.1, 0.6)}, (None, None, 0.6), "N+B fits"),
+    ("N+GM", {"N+GM": 0.0}, {("N+GM+K", "rrw"): (0.1, 0.5)}, (None, None, 0.5), "N+GM fits"),
+])  # fmt: skip
 def test_a_random_walk_by_its_rivals(chosen, aics, ends, expected, why):
     """known case: the interval, its union with that of a richer model, or a refusal and a bound."""
     e = inferred(chosen, aics, ends).rate_random_walk()
@@ -140,33 +137,31 @@ def test_a_random_walk_by_its_rivals(chosen, aics, ends, expected, why):
     assert e.resolved == (expected[0] is not None)
 
 
-@pytest.mark.parametrize(
-    ("chosen", "aics", "ends", "time", "size", "why"), [
-        ("N+GM", {"N+GM": 0.0}, {}, (60.0, 30.0, 120.0), (0.3, 0.15, 0.6), "covers 30 corr"),
-        # Flicker noise that is better by 0.5 has no correlation time.
-        ("N+GM", {"N+GM": 0.0, "N+B": -0.5}, {}, (None,) * 3, (None,) * 3, said("no_time")),
-        ("N+GM", {"N+GM": 0.0, "N+B": -0.4}, {}, (60.0, 30.0, 120.0), (0.3, 0.15, 0.6), ""),
-        ("N+GM", {"N+GM": 0.0}, {("N+GM", "corr_time"): (30.0, None)},
-         (None, 30.0, None), (None, 0.15, None), "too few to bound"),
-        ("N+GM", {"N+GM": 0.0}, {("N+GM", "sigma_b"): (0.1, None)},
-         (60.0, 30.0, 120.0), (None, 0.1, None), "too few to bound"),
-        # A second slow process: both intervals, of the slower bias.
-        ("N+GM", {"N+GM": 0.0, "N+2GM": -2.8}, {("N+2GM", "corr_time"): (100.0, 250.0)},
-         (600.0, 30.0, 250.0), (0.4, 0.15, 0.8), "few that not"),
-        ("N+GM", {"N+GM": 0.0, "N+2GM": -2.75}, {}, (60.0, 30.0, 120.0), (0.3, 0.15, 0.6), ""),
-        ("N+GM", {"N+GM": 0.0, "N+GM+K": -2.8}, {("N+2GM", "corr_time"): (100.0, 301.0)},
-         (None, 30.0, 301.0), (None, 0.15, 0.8), "second slow process"),  # a range over 10
-        ("N+GM+K", {"N+GM+K": 0.0, "N+2GM": 3.9}, {},
-         (600.0, 300.0, 1200.0), (0.4, 0.2, 0.8),
-         said("second_process", unit="deg/s", sigma_b=0.2, corr_time=20.0)),
-        ("N+GM+K", {"N+GM+K": 0.0, "N+2GM": 4.0}, {}, (60.0, 30.0, 120.0), (0.3, 0.15, 0.6), ""),
-        # A walk, flicker noise and white noise have none, with what the log still bounds.
-        ("N+K", {"N+K": 0.0}, {}, (None, 30.0, None), (None, 0.15, None), "at most 60 corr"),
-        ("N+K", {"N+K": 0.0}, {("N+GM", "corr_time"): (None, None)},
-         (None, None, None), (None, 0.15, None), said("as_a_walk")),
-        ("N+B", {"N+B": 0.0, "N+GM": 7.0}, {}, (None,) * 3, (None,) * 3, "(AIC of N+GM: +7.0)"),
-        ("N", {"N": 0.0}, {}, (None,) * 3, (None, None, 0.18), "shows no slow bias")],
-)  # fmt: skip
+@pytest.mark.parametrize(("chosen", "aics", "ends", "time", "size", "why"), [
+    ("N+GM", {"N+GM": 0.0}, {}, (60.0, 30.0, 120.0), (0.3, 0.15, 0.6), "covers 30 corr"),
+    # Flicker noise that is better by 0.5 has no correlation time.
+    ("N+GM", {"N+GM": 0.0, "N+B": -0.5}, {}, (None,) * 3, (None,) * 3, said("no_time")),
+    ("N+GM", {"N+GM": 0.0, "N+B": -0.4}, {}, (60.0, 30.0, 120.0), (0.3, 0.15, 0.6), ""),
+    ("N+GM", {"N+GM": 0.0}, {("N+GM", "corr_time"): (30.0, None)},
+     (None, 30.0, None), (None, 0.15, None), "too few to bound"),
+    ("N+GM", {"N+GM": 0.0}, {("N+GM", "sigma_b"): (0.1, None)},
+     (60.0, 30.0, 120.0), (None, 0.1, None), "too few to bound"),
+    # A second slow process: both intervals, of the slower bias.
+    ("N+GM", {"N+GM": 0.0, "N+2GM": -2.8}, {("N+2GM", "corr_time"): (100.0, 250.0)},
+     (600.0, 30.0, 250.0), (0.4, 0.15, 0.8), "few that not"),
+    ("N+GM", {"N+GM": 0.0, "N+2GM": -2.75}, {}, (60.0, 30.0, 120.0), (0.3, 0.15, 0.6), ""),
+    ("N+GM", {"N+GM": 0.0, "N+GM+K": -2.8}, {("N+2GM", "corr_time"): (100.0, 301.0)},
+     (None, 30.0, 301.0), (None, 0.15, 0.8), "second slow process"),  # a range over 10
+    ("N+GM+K", {"N+GM+K": 0.0, "N+2GM": 3.9}, {},
+     (600.0, 300.0, 1200.0), (0.4, 0.2, 0.8),
+     said("second_process", unit="deg/s", sigma_b=0.2, corr_time=20.0)),
+    ("N+GM+K", {"N+GM+K": 0.0, "N+2GM": 4.0}, {}, (60.0, 30.0, 120.0), (0.3, 0.15, 0.6), ""),
+    # A walk, flicker noise and white noise have none, with what the log still bounds.
+    ("N+K", {"N+K": 0.0}, {}, (None, 30.0, None), (None, 0.15, None), "at most 60 corr"),
+    ("N+K", {"N+K": 0.0}, {("N+GM", "corr_time"): (None, None)},
+     (None, None, None), (None, 0.15, None), said("as_a_walk")),
+    ("N+B", {"N+B": 0.0, "N+GM": 7.0}, {}, (None,) * 3, (None,) * 3, "(AIC of N+GM: +7.0)"),
+    ("N", {"N": 0.0}, {}, (None,) * 3, (None, None, 0.18), "shows no slow bias")])  # fmt: skip
 def test_a_bias_by_its_rivals(chosen, aics, ends, time, size, why):
     """known case: correlation time and size, in the words and ends of each rule."""
     found = inferred(chosen, aics, ends).bias()
@@ -240,11 +235,9 @@ def test_flicker_noise_and_the_table_of_models():
     assert ends_of(e) == (None, None, 0.03) and said("or_a_walk") in e.note
 
 
-@pytest.mark.parametrize(
-    ("octave", "factor", "beyond"),
-    [(0, 1.029, False), (0, 1.031, True), (0, 0.969, True), (2, 1.08, False), (2, 1.085, True),
-     (3, 2.0, False)],
-)  # fmt: skip
+@pytest.mark.parametrize(("octave", "factor", "beyond"), [
+    (0, 1.029, False), (0, 1.031, True), (0, 0.969, True), (2, 1.08, False), (2, 1.085, True),
+    (3, 2.0, False)])  # fmt: skip
 def test_a_band_agrees_in_its_highest_octaves(octave, factor, beyond, monkeypatch):
     """analytic: 3 % in power, and four standard errors, in the three highest octaves."""
     n, rng = 60_000, np.random.default_rng(5)
@@ -265,8 +258,7 @@ def test_a_filter_is_seen_by_neighbours_and_by_its_bias():
     """known case: 3 % in the power of steps; a bias that is quick and leaves white noise open."""
     y = np.random.default_rng(1).standard_normal(1000)
     y[500] = np.nan
-    step = np.diff(y[:500]), np.diff(y[501:])
-    level = np.mean(np.concatenate(step) ** 2) / 2
+    level = np.nanmean(np.diff(y) ** 2) / 2
     for off, same in ((0.029, True), (0.031, False), (-0.029, True), (-0.031, False)):
         fit = SimpleNamespace(terms={"sigma_v": [np.sqrt(level / (1 + off))]})
         assert inference.as_noisy(y, fit) == same
@@ -281,16 +273,14 @@ def test_a_filter_is_seen_by_neighbours_and_by_its_bias():
         assert inference.low_passed(likelihood, fit) == filtered
 
 
-@pytest.mark.parametrize(
-    ("case", "averaged"),
-    [({}, 1), ({"beyond": 4}, 16),  # clean means of 4, and two doublings more
-     ({"beyond": 99}, 64),  # at least 256 are left
-     ({"lost": 10}, 2), ({"lost": 10, "noisy": False}, 8),  # one sample of ten: two at least
-     ({"time": 0.079}, 16), ({"time": 0.081}, 1),  # eight means of a filter
-     ({"beyond": 2, "time": 0.159}, 16), ({"beyond": 2, "time": 0.161}, 8),
-     ({"time": 0.079, "N": 4.0}, 1), ({"time": 0.079, "N": 4.1}, 16),  # white noise does as well
-     ({"low_passed": True}, 8), ({"low_passed": True, "kind": "angle"}, 1)],
-)  # fmt: skip
+@pytest.mark.parametrize(("case", "averaged"), [
+    ({}, 1), ({"beyond": 4}, 16),  # clean means of 4, and two doublings more
+    ({"beyond": 99}, 64),  # at least 256 are left
+    ({"lost": 10}, 2), ({"lost": 10, "noisy": False}, 8),  # one sample of ten: two at least
+    ({"time": 0.079}, 16), ({"time": 0.081}, 1),  # eight means of a filter
+    ({"beyond": 2, "time": 0.159}, 16), ({"beyond": 2, "time": 0.161}, 8),
+    ({"time": 0.079, "N": 4.0}, 1), ({"time": 0.079, "N": 4.1}, 16),  # white noise does as well
+    ({"low_passed": True}, 8), ({"low_passed": True, "kind": "angle"}, 1)])  # fmt: skip
 def test_averaging_goes_on_until_no_filter_shows(case, averaged, monkeypatch):
     """known case: until models agree without a quick bias, then two steps; 256 means are left."""
     n, dt, at = 16_384, 0.01, []
@@ -405,20 +395,17 @@ class Growing(SimpleNamespace):
         return {"sizes": lambda: ((), ()), "criterion": lambda: self.likelihood.left}[name]
 
 
-@pytest.mark.parametrize(
-    ("offered", "kept", "rival"),
-    [
-     # Screened rise, kind, place; what the fit with it rises by.
-     ([(3.9, "warm_up", 10.0, 50.0)], 0, False), ([(4.0, "warm_up", 10.0, 14.0)], 1, False),
-     ([(4.1, "warm_up", 10.0, 13.9)], 0, True), ([(4.1, "warm_up", 10.0, 4.0)], 0, False),
-     ([(30.0, "step", 10.0, 24.9)], 0, True),
-     ([(30.0, "step", 50.0, 25.0), (30.0, "step", 51.1, 25.0)], 2, False),
-     ([(30.0, "step", 50.0, 25.0), (30.0, "step", 51.0, 25.0)], 1, False),  # the same within 2 %
-     ([(30.0, "sinusoid", 10.0, 30.0), (30.0, "step", 10.0, 30.0)], 2, False),
-     ([(30.0, "sinusoid", 9.0 * 2**k, 30.0) for k in range(5)], 3, False),
-     ([(30.0, "step", 9.0 * 2**k, 30.0) for k in range(8)], 6, False),
-     ([(30.0, "step", 10.0, 30.0), (9.0, "warm_up", 10.0, 8.0)], 1, True)],
-)  # fmt: skip
+@pytest.mark.parametrize(("offered", "kept", "rival"), [
+    # Screened rise, kind, place; what the fit with it rises by.
+    ([(3.9, "warm_up", 10.0, 50.0)], 0, False), ([(4.0, "warm_up", 10.0, 14.0)], 1, False),
+    ([(4.1, "warm_up", 10.0, 13.9)], 0, True), ([(4.1, "warm_up", 10.0, 4.0)], 0, False),
+    ([(30.0, "step", 10.0, 24.9)], 0, True),
+    ([(30.0, "step", 50.0, 25.0), (30.0, "step", 51.1, 25.0)], 2, False),
+    ([(30.0, "step", 50.0, 25.0), (30.0, "step", 51.0, 25.0)], 1, False),  # the same within 2 %
+    ([(30.0, "sinusoid", 10.0, 30.0), (30.0, "step", 10.0, 30.0)], 2, False),
+    ([(30.0, "sinusoid", 9.0 * 2**k, 30.0) for k in range(5)], 3, False),
+    ([(30.0, "step", 9.0 * 2**k, 30.0) for k in range(8)], 6, False),
+    ([(30.0, "step", 10.0, 30.0), (9.0, "warm_up", 10.0, 8.0)], 1, True)])  # fmt: skip
 def test_terms_are_added_as_long_as_they_are_clearly_better(offered, kept, rival, monkeypatch):
     """known case: kept, unsure or not tried, by the rises of 2 ln L that each kind asks for."""
     rises = [row[3] for row in offered]

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from refused import where_here
 
 from analysis import store
 from analysis.noise import infer
-from sensorlogs import datasets
 from studies import repeatability
 
 
@@ -66,10 +66,7 @@ def test_interval_of_a_share_is_of_channels():
 
 def test_parts_of_a_real_log_again():
     """cross-check: quarters of one F9P position, characterised now, give the stored values."""
-    try:
-        log = repeatability.read("f9p-static")
-    except datasets.NotHere as error:
-        pytest.skip(str(error))
+    log = where_here(repeatability.read, "f9p-static")
     log = replace(log, channels=log.channels[:1])
     stored = store.read("repeatability").tables["f9p-static"]
     stored = stored.query("pieces == 4 and channel == @log.channels[0].name")
@@ -92,10 +89,7 @@ def test_allan_curves_of_one_log_again(monkeypatch):
     """cross-check: pairs of quarters of one log, compared now, give the stored shares."""
     stored = store.read("repeatability").tables["wandering"].query("sensor == 'ZED-F9P'")
     monkeypatch.setattr(repeatability, "LOGS", {"f9p-static": "ZED-F9P"})
-    try:
-        now = repeatability.wandering()
-    except datasets.NotHere as error:
-        pytest.skip(str(error))
+    now = where_here(repeatability.wandering)
     for column in ("tau_s", "pairs", "within", "steady"):
         np.testing.assert_allclose(now[column], stored[column], rtol=store.TOLERANCE)
 
@@ -104,10 +98,7 @@ def test_a_pooled_gyro_again():
     """cross-check: one of the nine pooled gyros, fitted now, gives its model and quarters."""
     stored = store.read("adis16405-units").tables["channels"].set_index(["log", "channel"])
     name, k = "adis16405-3", 1
-    try:
-        log = repeatability.read(name)
-    except datasets.NotHere as error:
-        pytest.skip(str(error))
+    log = where_here(repeatability.read, name)
     channel, rng = log.channels[k], np.random.default_rng([repeatability.SEED, k, 2])
     now = infer(channel.values, log.dt, channel.unit, channel.kind, rng)
     was = stored.loc[(name, channel.name)]

@@ -4,7 +4,7 @@ import json
 import math
 import os
 
-import pytest
+from refused import refused
 
 from analysis import WrongUsage
 from workbench.saved_position import FIELDS, load_position, save_position
@@ -38,8 +38,7 @@ def changed(whole):
     """Give what is no intact file: cut off anywhere, a digit changed, garbage, nowhere on Earth."""
     yield from (whole[:end] for end in range(len(whole) - 1))
     for at in (k for k in range(len(whole) - 1) if whole[k : k + 1].isdigit()):
-        other = b"7" if whole[at : at + 1] != b"7" else b"3"
-        yield whole[:at] + other + whole[at + 1 :]
+        yield whole[:at] + (b"7" if whole[at : at + 1] != b"7" else b"3") + whole[at + 1 :]
     yield from (b"", b"null", b"[]", b"{}", b"\x00" * 50, b"\xff\xfe garbage")
     yield b'{"position": 3, "crc32": 1}'
 
@@ -50,8 +49,7 @@ def test_what_is_not_intact_is_refused(tmp_path):
     save_position(tmp_path / "nowhere.json", position(120.0, 11.0, 0.0, 0.0, 1.0))
     for content in (*changed(whole), (tmp_path / "nowhere.json").read_bytes()):
         path.write_bytes(content)
-        with pytest.raises(WrongUsage, match=r"^--last-position last\.json: .*$"):
-            load_position(path)
+        refused(WrongUsage, r"^--last-position last\.json: .*$", load_position, path)
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
@@ -62,8 +60,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "replace", stop)
-    with pytest.raises(OSError, match="No space left"):
-        save_position(path, position(1.0, 2.0, 3.0, 4.0, 5.0))
+    refused(OSError, "No space left", save_position, path, position(1.0, 2.0, 3.0, 4.0, 5.0))
     assert path.read_bytes() == whole and os.listdir(tmp_path) == ["last.json"]
 
 

@@ -54,8 +54,7 @@ def test_aircraft_integrity_and_positions():
     t = echo["t_s"] - 17999.0
     inside = t.between(efis["t_s"].iloc[0], efis["t_s"].iloc[-1])
     steep = np.interp(t, efis["t_s"], efis["roll_deg"].abs()) > 35
-    low = echo["nic"] < 9
-    assert [(low & k & inside).sum() for k in (steep, ~steep)] == [20, 0]
+    assert [(echo["nic"].lt(9) & k & inside).sum() for k in (steep, ~steep)] == [20, 0]
     assert [(k & inside).sum() for k in (steep, ~steep)] == [66, 93]
     tracks = units.tracks(store.read("light-aircraft").tables)
     d = differences(tracks["efis-2"], tracks["echo-2"].shifted(lambda x: x - 17999.0))
@@ -65,10 +64,10 @@ def test_aircraft_integrity_and_positions():
 def test_turin_positions_and_course():
     """Published: GNSS less reference p50 1.1, p95 2.9 m; course less yaw 1.2 deg (SD)."""
     tracks = units.tracks(store.read("turin").tables)
-    found = trajectory_metrics(differences(tracks["reference"], tracks["gnss"]))
+    gnss, reference = tracks["gnss"], tracks["reference"]
+    found = trajectory_metrics(differences(reference, gnss))
     assert found["p50_m"].value == pytest.approx(1.1, abs=0.1)
     assert found["p95_m"].value == pytest.approx(2.9, abs=0.4)  # stops count once here
-    gnss, reference = tracks["gnss"], tracks["reference"]
     whole = np.unwrap(reference.attitude[:, 2], period=360)
     yaw = np.interp(gnss.t_s, reference.attitude_t_s, whole)
     apart = wrap(np.degrees(np.arctan2(*gnss.velocity.T)) - yaw)[gnss.speed > 3]
@@ -92,8 +91,7 @@ def test_minutes_keep_the_clock():
         tracks = units.tracks(store.read(journey).tables)
         for start in np.arange(0.0, 1200 if journey == "turin" else 570, 60):
             try:
-                pair = (minute(tracks[k], start) for k in (a, b))
-                found.append(clock_offset(*pair).offset_s)
+                found.append(clock_offset(*(minute(tracks[k], start) for k in (a, b))).offset_s)
             except CannotAnswer:  # it stands
                 continue
     assert len(found) == 24 and max(abs(e.value) for e in found) < 1.2

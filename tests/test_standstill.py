@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refused import where_here
 from test_cli import run
 
 import sensorlogs as logs
@@ -101,16 +102,11 @@ def test_a_slow_turn_is_doubted():
 
 # --- real logs -----------------------------------------------------------------------------------
 
-REST = ["adis16405", "mpu6050-gyro", "mpu6050-accel"]
 
-
-@pytest.mark.parametrize("name", REST)
+@pytest.mark.parametrize("name", ["adis16405", "mpu6050-gyro", "mpu6050-accel"])
 def test_real_static_logs_are_static(name):
     """Published: these sensors lay still."""
-    try:
-        log = logs.read(name)
-    except datasets.NotHere:
-        pytest.skip("the raw log is not here")
+    log = where_here(logs.read, name)
     assert static_logs.standstill.static_part(log) is log
 
 
@@ -189,8 +185,7 @@ def test_shorter_static_stretches_are_named_with_commands_that_work(tmp_path, no
 
 def test_a_cut_keeps_the_time_of_the_file(tmp_path):
     """Analytic: with --from, the stretch is still counted from the first row of the file."""
-    moves = (T < 30) | (T > 100)
-    log = logs.read(write(tmp_path, moves[:6000]), start=25)
+    log = logs.read(write(tmp_path, ((T < 30) | (T > 100))[:6000]), start=25)
     assert log.start_s == 25
     part = static_logs.standstill.static_part(log)
     np.testing.assert_allclose(part.used, [30, 100], atol=5)

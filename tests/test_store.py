@@ -23,9 +23,8 @@ SIMULATED = {
 OWN_COMMANDS = {*SIMULATED, "repeatability", "beside-others", "attitude"}
 ESTIMATE = {"value", "low", "high", "unit", "resolved", "note"}
 COMMON = {"sigma_v", "sigma_b", "corr_time", "drift"}
-PARAMETERS = {"angle": COMMON, "position": COMMON}
-SLOW = {"bias_instability", "rrw"}
-PARAMETERS |= {"rate": {*COMMON, *SLOW, "arw"}, "accel": {*COMMON, *SLOW, "vrw"}}
+SLOW = {*COMMON, "bias_instability", "rrw"}
+PARAMETERS = {"angle": COMMON, "position": COMMON, "rate": {*SLOW, "arw"}, "accel": {*SLOW, "vrw"}}
 DT = 0.1  # s
 
 
@@ -65,11 +64,7 @@ def written(result, folder):
 
 def strictly(text):
     """Parse JSON as the standard has it: without NaN and Infinity."""
-
-    def refuse(constant):
-        raise AssertionError(f"{constant} is no JSON")
-
-    return json.loads(text, parse_constant=refuse)
+    return json.loads(text, parse_constant=pytest.fail)
 
 
 @pytest.fixture(scope="module")
@@ -197,19 +192,14 @@ def another_source(folder):
 CHANGES = {
     "nothing": (lambda _: None, []),
     "a last digit": (altered(height_m=lambda t: t["height_m"] * (1 + 1e-6)), []),
-    "a number": (
-        altered(height_m=lambda t: t["height_m"] + (t.index == 7)),
-        ["to-altoona.csv: column height_m differs"],
-    ),
+    "a number": (altered(height_m=lambda t: t["height_m"] + (t.index == 7)),
+                 ["to-altoona.csv: column height_m differs"]),
     "a column less": (altered(east_m=None), ["to-altoona.csv: column east_m differs"]),
     "a file more": (lambda f: (f / "more.csv").write_text("a\n1\n"), [": more.csv is new"]),
-    "a file less": (
-        lambda f: (f / "to-altoona.csv").unlink(), [": to-altoona.csv is no longer made"],
-    ),
-    "the source": (
-        another_source,
-        ["source.json: drives/to-altoona/jumps_found differs", "source.json: licence differs"],
-    ),
+    "a file less": (lambda f: (f / "to-altoona.csv").unlink(),
+                    [": to-altoona.csv is no longer made"]),
+    "the source": (another_source, ["source.json: drives/to-altoona/jumps_found differs",
+                                    "source.json: licence differs"]),
 }  # fmt: skip
 
 

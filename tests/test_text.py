@@ -12,15 +12,11 @@ def cells(table):
     return [line.strip("| ").split(" | ") for line in table.splitlines()[2:]]
 
 
-@pytest.mark.parametrize(
-    ("cell", "written"),
-    [
-        (7665, "7665"), (np.int64(7665), "7665"), (0.4123, "0.412"), (np.float32(0.4123), "0.412"),
-        (1234.5, "1230"), (1.2e7, "1.2×10⁷"), (np.inf, "∞"), (-np.inf, "-∞"),
-        (True, "yes"), (np.False_, "no"), (None, "–"), (np.nan, "–"), (pd.NaT, "–"),
-        ("a | b", r"a \| b"), (Estimate(0.3, 0.2, 0.4, "deg"), "0.30 (0.20 to 0.40) °"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("cell", "written"), [
+    (7665, "7665"), (np.int64(7665), "7665"), (0.4123, "0.412"), (np.float32(0.4123), "0.412"),
+    (1234.5, "1230"), (1.2e7, "1.2×10⁷"), (np.inf, "∞"), (-np.inf, "-∞"), (True, "yes"),
+    (np.False_, "no"), (None, "–"), (np.nan, "–"), (pd.NaT, "–"), ("a | b", r"a \| b"),
+    (Estimate(0.3, 0.2, 0.4, "deg"), "0.30 (0.20 to 0.40) °")])  # fmt: skip
 def test_a_cell_without_a_form(cell, written):
     """property: each kind of cell, in a dict and in a DataFrame, as the docstring says."""
     frame = pd.DataFrame({"value": [cell]}, index=["a"], dtype=object)
@@ -40,10 +36,8 @@ def test_a_cell_without_a_form(cell, written):
 )
 def test_a_form_writes_numbers_and_estimates(form, share, estimate, small):
     """property: of a row, else of its column, else of all; integers, words and gaps stay."""
-    rows = {
-        "a": {"x": 0.25, "n": 3, "z": Estimate(0.12, 0.1, 0.15)},
-        "b": {"x": 0.02, "n": None, "z": True},
-    }
+    rows = {"a": {"x": 0.25, "n": 3, "z": Estimate(0.12, 0.1, 0.15)}}
+    rows["b"] = {"x": 0.02, "n": None, "z": True}
     written = [["a", share, "3", estimate], ["b", small, "–", "yes"]]
     assert cells(text.table(rows, "name", form)) == written
 

@@ -32,8 +32,8 @@ def test_below_what_the_map_allows_no_gyro_is_enough():
     """Property: the best gyro's error is the limit, and the page names what limits."""
     found = which_gyro.answer(0.1)
     assert {r["answer"] for r in found["rows"]} == {"no"} and found["limit"].low > 0.1
-    words = "No gyro is enough: the map limits. See also --exact-map."
-    assert words in page("which-gyro.txt", found)
+    told = page("which-gyro.txt", found)
+    assert "No gyro is enough: the map limits. See also --exact-map." in told
     exact = which_gyro.answer(0.15, exact_map=True)
     assert exact["limit"].high < 0.15 and {r["answer"] for r in exact["rows"]} > {"yes"}
     for wrong in (0.0, -1.0, np.nan, np.inf):
