@@ -96,14 +96,13 @@ def test_a_table_goes_on_and_a_finished_one_stays(tmp_path):
 
 def test_errors_are_one_sentence(tmp_path, capsys):
     """property: unknown factor, unknown level, no scheduler: exit status 2, and what to do."""
-    out = ["readings", "--out", str(tmp_path / "new")]
     for given, said in (
         (["--hold", "gyro=good"], "no factor 'gyro'; there are: noise"),
         (["--hold", "leg_m=7"], "'leg_m' has no level '7'; it has: 100.0"),
         (["--hold", "noise=loud"], "no level 'loud'; it has: integrated"),
         (["--scheduler", "nowhere"], "no dask scheduler answers"),
     ):
-        assert main([*out, *given]) == 2
+        assert main(["readings", "--out", str(tmp_path / "new"), *given]) == 2
         sentence = capsys.readouterr().err.strip()
         assert said in sentence and len(sentence.splitlines()) == 1
     assert not (tmp_path / "new" / "readings.csv").exists()

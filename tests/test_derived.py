@@ -2,9 +2,9 @@
 
 import pandas as pd
 import pytest
+from refused import where_here
 
 from analysis import store
-from sensorlogs import datasets
 from studies import derived, surveys
 
 # Nine gyros, of which test_repeatability takes one; hundreds of sensors, of which some below.
@@ -15,10 +15,7 @@ SLOW |= {"terrain-verdicts"}
 @pytest.mark.parametrize("name", [n for n in derived.names() if n not in SLOW])
 def test_derived_results_are_those_of_the_raw_log(name):
     """cross-check: computed again from the raw log, the committed results come out equal."""
-    try:
-        assert derived.rebuild(name, progress=False) == []
-    except datasets.NotHere as error:
-        pytest.skip(str(error))
+    assert where_here(derived.rebuild, name, progress=False) == []
 
 
 def test_some_sensors_of_the_surface_again(monkeypatch):

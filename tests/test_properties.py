@@ -126,10 +126,9 @@ def test_a_position_is_read_as_a_receiver_wrote_it(tmp_path, lat, lon, digits, h
     path.write_text("\r\n".join(written))
     gnss = sensorlogs.read_moving([path]).gnss
     # pynmeagps rounds degrees to ten decimals, 6 µm
-    np.testing.assert_allclose(np.abs(gnss.lat_deg), north, rtol=0, atol=6e-11)
-    np.testing.assert_allclose(np.abs(gnss.lon_deg), east, rtol=0, atol=6e-11)
-    assert (np.sign(gnss.lat_deg) == (np.sign(lat) if north else 0)).all()
-    assert (np.sign(gnss.lon_deg) == (np.sign(lon) if east else 0)).all()
+    for read, degrees, written in ((gnss.lat_deg, lat, north), (gnss.lon_deg, lon, east)):
+        np.testing.assert_allclose(np.abs(read), written, rtol=0, atol=6e-11)
+        assert (np.sign(read) == (np.sign(degrees) if written else 0)).all()
     np.testing.assert_allclose(gnss.height_m, height + 0.5)
     np.testing.assert_allclose(np.diff(gnss.t_s), 1.0)
 

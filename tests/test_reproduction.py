@@ -16,6 +16,7 @@ import psutil
 import pytest
 import traitlets
 from PIL import Image
+from refused import refused
 from test_citation import run_git
 from test_cli import to_be_stopped
 
@@ -174,8 +175,7 @@ def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypat
         reproduce.reproduce(scratch=tmp_path / "none", parameters={"WIDTH": 2.0})
     assert not (tmp_path / "none").exists()
     small_notebook(tmp_path, own="'my.csv'")
-    with pytest.raises(WrongUsage, match=r"99-small\.ipynb: OWN names logs of your own"):
-        reproduce.reproduce()
+    refused(WrongUsage, r"99-small\.ipynb: OWN names logs of your own", reproduce.reproduce)
     assert content(*citable.iterdir()) == before
 
 
@@ -241,8 +241,7 @@ def test_the_upload_button_keeps_what_is_chosen(tmp_path, monkeypatch):
     space = {"UPLOAD": True, "DATA": tmp_path, "Path": Path, "WrongUsage": WrongUsage}
     space["display"] = lambda *widgets: shown.extend(widgets)
     monkeypatch.setitem(sys.modules, "ipywidgets", None)
-    with pytest.raises(WrongUsage, match="pip install ipywidgets"):
-        exec(code, space)
+    refused(WrongUsage, "pip install ipywidgets", exec, code, space)
     monkeypatch.setitem(sys.modules, "ipywidgets", fake)
     exec(code, space)
     button, said = shown
