@@ -19,7 +19,9 @@ from scipy.spatial.transform import Rotation
 from analysis import CannotAnswer, resampling, store, wrap
 from analysis.tracker import attitude
 from analysis.tracker.device import Options
+from analysis.tracker.doubt import Doubted
 from analysis.tracker.evaluate import ratio_interval
+from analysis.tracker.lever import Levered
 from analysis.tracker.log_replay import replay
 from sensorlogs import datasets
 from sensorlogs.timeline import Timeline
@@ -190,6 +192,8 @@ def stated(name):
     """Count how often roll and pitch lie within what the filter for cars states of them."""
     log, _, true, _ = case(name)
     columns = replay(log, Options(filter="car")).columns
+    with patch.object(Doubted, "sample", Levered.sample):
+        own = replay(log, Options(filter="car")).columns
     true = true / np.linalg.norm(true, axis=1, keepdims=True)
     truth = {"roll": np.arctan2(true[:, 1], true[:, 2]), "pitch": -np.arcsin(true[:, 0])}
     rows, late = [], log.gnss.t_s > log.gnss.t_s[0] + SETTLED_S
@@ -198,10 +202,11 @@ def stated(name):
         off = wrap(columns[f"{angle}_deg"] - np.degrees(radians))
         known = np.isfinite(off + sigma) & late
         inside = (np.abs(off) < 1.96 * sigma)[known]
+        alone = (np.abs(off) < 1.96 * own[f"sigma_{angle}_deg"])[known].mean()
         block = round(BLOCK_S / np.median(np.diff(log.gnss.t_s)))
         many = resampling.spread(inside.astype(float), block, np.random.default_rng(1))["mean"]
-        row = {"log": name, "angle": angle, "epochs": known.sum(), "sigma_deg": sigma[known].mean()}
-        row |= {"rms_deg": np.sqrt((off[known] ** 2).mean())}
+        row = {"log": name, "angle": angle, "epochs": known.sum(), "by_gains_alone": alone}
+        row |= {"sigma_deg": np.median(sigma[known]), "median_deg": np.median(np.abs(off[known]))}
         rows.append(row | {"inside": many.value, "low": many.low, "high": many.high})
     return rows
 

@@ -2,6 +2,7 @@
 
 import math
 from copy import copy as shallow
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -183,19 +184,19 @@ def test_sigmas_are_those_of_the_angles():
 
 
 def test_what_is_missing_is_what_the_filter_makes_of_an_error():
-    """property: it is the spread, later, of filters that are off by that much in one tilt each.
+    """property: it is the spread, later, of filters that are off by that much about one level axis.
 
     Half the square of the change of the angle over a sample, per axis, as block 2 adds it. The car
     goes straight on, so that corrections are small.
     """
     last, size, dt, force = [0.03, -0.02, 0.01], 1e-6, 0.04, [0.0, 0.0, -STANDARD_GRAVITY]
     block = doubt.Doubted(block=SimpleNamespace(last=last))
-    level = EYE, [0.0] * 3, [0.0, 0.0, 1.0]
-    block.start((3.0, -4.0), (8.0, 5.0), level, -math.atan2(5.0, 8.0), 3.0, 0.3)
+    flat = EYE, [0.0] * 3, [0.0, 0.0, 1.0]
+    block.start((3.0, -4.0), (8.0, 5.0), flat, -math.atan2(5.0, 8.0), 3.0, 0.3)
     block.sample([0.01, 0.0, 0.02], force, dt)
     block._carry()
     last[:] = [0.0] * 3
-    off = [moved(block, size * np.eye(STATES)[k]) for k in range(TILT, GYRO)]
+    off = [moved(block, size * np.eye(STATES)[k]) for k in (TILT, TILT + 1)]
     for one in (block, *off):
         for _ in range(100):
             one.sample(last, force, dt)
@@ -203,11 +204,15 @@ def test_what_is_missing_is_what_the_filter_makes_of_an_error():
     spread = np.transpose([difference(block, one) for one in off]) / size
     variance = 0.5 * dt**2 * (0.04**2 + 0.04**2 + 0.02**2)
     expected = variance * spread @ spread.T
-    each = np.sqrt(np.diag(expected))[TILT:GYRO]  # F is of the first order, in steps of 0.2 s
-    off = (block.missing - expected)[TILT:GYRO, TILT:GYRO] / np.outer(each, each)
-    assert np.abs(off).max() < 0.01
+    level = slice(TILT, TILT + 2)  # F is of the first order, in steps of 0.2 s
+    each = np.sqrt(np.diag(expected))[level]
+    assert np.abs((block.missing - expected)[level, level] / np.outer(each, each)).max() < 0.01
     with_it = np.array(block.P)[TILT:GYRO, TILT:GYRO] + block.missing[TILT:GYRO, TILT:GYRO]
     np.testing.assert_allclose(np.square(block.sigmas), np.diag(with_it), rtol=1e-3)
+    block.sample([0.1, 0.0, 0.2], force, dt, static=True)
+    assert block._between == 0.0  # what stands does not turn between samples
+    block.start((3.0, -4.0), (8.0, 5.0), flat, 0.0, 3.0, 0.3)
+    assert not block.missing.any()
 
 
 def test_a_fix_of_the_antenna_is_the_derivative_of_its_place():
@@ -426,6 +431,7 @@ def test_a_lever_arm_arrives():
     for lever in (4.0, 0.0, 0.0), (0.0, 0.0, 0.0):
         _, _, device, _ = next(stepped(ride.log, Options(filter="car"), lever=lever))
         assert device.constrained.lever == lever
+        assert device.constrained._block is device.attitude  # which tells its last sample
 
 
 @pytest.fixture(scope="module")
@@ -449,3 +455,16 @@ def test_its_attitude_is_the_better_one_and_says_how_good():
         block_2, car = (np.sqrt(np.mean(e[known] ** 2, axis=0)) for e in errors)
         assert known.mean() > 0.7 and (car < block_2).all()
         assert (np.mean(np.abs(errors[1][known]) < 1.96 * sigma[known], axis=0) > 0.95).all()
+
+
+def test_a_hole_in_the_imu_ends_the_filter(town):
+    """property: nothing is carried over 8 s that nobody measured; a later fix starts it anew."""
+    imu, hole = town.log.imu, (town.log.imu.t_s > 100.0) & (town.log.imu.t_s < 108.0)
+    cut = replace(imu, **{k: v[~hole] for k, v in vars(imu).items()})
+    log, t = replace(town.log, imu=cut), town.log.gnss.t_s
+    c = replay(log, Options(filter="car")).columns
+    assert np.isfinite(c["sigma_yaw_deg"][(t > 90) & (t < 99)]).all()
+    assert np.isnan(c["sigma_yaw_deg"][(t > 108.2) & (t < 109)]).all()
+    assert np.isfinite(c["sigma_yaw_deg"][t > 200]).all()
+    off = np.hypot(*town.output_error(c))[(t > 108) & (t < 120)]
+    assert off.max() < 15.0  # of fixes, not of a course that is 80 deg off

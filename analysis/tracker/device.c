@@ -1138,6 +1138,8 @@ void device_imu(Device *d, wide t_s, const number gyro_b[3], const number accel_
   number mean[3];
   EACH(k, 3) mean[k] = R(0.5) * (gyro_b[k] + block->last[k]);
   attitude_imu(block, gyro_b, accel_b, dt, !d->still.moving);
+  Constrained *car = car_of(d);
+  if (car && dt > DEVICE_GAP_S) car->started = false;
   if (!block->ready) return;
   number ax, ay;
   level(block->external, block->tilt.x, &ax, &ay); // Attitude.horizontal
@@ -1154,9 +1156,7 @@ void device_imu(Device *d, wide t_s, const number gyro_b[3], const number accel_
   d->sum[3] += dot(accel_b, accel_b);
   d->samples++;
   if (d->fuses && d->fusion.started) device_predict(d, t_s);
-  Constrained *car = car_of(d);
-  if (car) {
-    car->started = dt <= DEVICE_GAP_S;
+  if (car && car->started) {
     bool lost = t_s - d->t_fix > (wide)DEVICE_GAP_S, steady = d->rest.steady;
     bool creeps = SQUARE(car->velocity[0]) + SQUARE(car->velocity[1]) < SQUARE(CONSTRAINED_CREEP);
     car_sample(car, mean, accel_b, dt, (lost && steady && creeps) || !d->still.moving);

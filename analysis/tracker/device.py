@@ -191,6 +191,9 @@ class Device:
             self.static.quiet = rest.steady
         last = block.last
         block.imu(gyro_b, accel_b, dt, not self.static.moving)
+        car = self.constrained
+        if car and dt > GAP_S:
+            car.started = False
         if not block.ready:
             return
         ax, ay = block.horizontal
@@ -205,9 +208,7 @@ class Device:
         self._sum = [total + value for total, value in zip(self._sum, values)]
         if self.fusion and self.fusion.started:
             self._predict(t_s)
-        car = self.constrained
         if car and car.started:
-            car.started = dt <= GAP_S
             lost = t_s - self._t_fix > GAP_S  # block 3 keeps the last speed, the car has its own
             still = lost and bool(rest and rest.steady) and car.may_rest
             mean = [0.5 * (w + v) for w, v in zip(gyro_b, last)]

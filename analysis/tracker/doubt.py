@@ -1,13 +1,13 @@
-"""How far off the attitude of the filter for cars can be: with the error that sets no gain of it.
+"""How far off the attitude of the filter for cars can be: with an error that sets no gain of it.
 
-Block 2 takes in how the rate may have changed between two samples; the filter for cars, whose gains
-a correlated error of this size would make worse, does not. Its own covariance P is then too small.
-What is missing, D, is carried beside it, with the same gains K ::
+Block 2 allows for a rate that changed between two samples; the gains of the filter for cars were
+tuned without, and its covariance P is too small. What is missing, D, is carried beside it ::
 
     D = F D F' + q,     D = (I - K H) D (I - K H)'
 
-from zero on, with q the variance that block 2 adds: P + D is the covariance of a filter that is not
-the best one for its noise. Beside the device, which has no memory for it.
+from zero on, with the gains K of the filter and the variance q that block 2 adds to its tilt: P + D
+is the covariance of these gains if that error is white. Beside the device, which has no memory for
+it.
 """
 
 import math
@@ -62,8 +62,8 @@ class Doubted(Levered):
                 self.carried[i, j] = c
         super()._carry()
         self.missing = self.carried @ self.missing @ self.carried.T
-        tilts = range(TILT, GYRO)
-        self.missing[tilts, tilts] += self._between
+        level = range(TILT, TILT + 2)  # as block 2 does, not yaw
+        self.missing[level, level] += self._between
         self._between = 0.0
 
     def _take(self, terms, residual, variance):

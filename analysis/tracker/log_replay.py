@@ -153,6 +153,7 @@ def _look_back(marks):
             row["ellipse"] = tuple(lasting + after[k][[0, 0, 1], [0, 1, 1]])
             C = turned(attitude, *e[TILT : TILT + 3])
             row["roll"], row["pitch"], row["yaw"] = angles(C)
+            # What is missing is that of the filter: about what a smoother leaves.
             row["sigmas"] = angle_sigmas(C, after[k] + missing)
 
 
