@@ -168,9 +168,9 @@ def counted() -> text.Shown:
     ways = verdicts()[WAYS].dropna()
     paper, car = (sum(said.startswith(REPRODUCED) for said in of) for _, of in ways.items())
     twice = (
-        f" {len(ways)} claims on tracking are judged for either place where the noise of a gyro can"
-        f" be put, for the paper leaves it open: on the attitude {paper} hold, which is counted"
-        f" above because more hold then; integrated, as in a car, {car}."
+        " The paper does not say where the noise of a gyro is put, so"
+        f" {len(ways)} claims on tracking are judged for both places: on the attitude {paper} hold"
+        f" (counted above, because more hold), integrated as in a car {car}."
     )
     return text.Shown(
         f"{claimed} claims of the papers are {n.sum()} independent ones (each computation once,"

@@ -190,7 +190,7 @@ def test_what_is_missing_is_what_the_filter_makes_of_an_error():
     goes straight on, so that corrections are small.
     """
     last, size, dt, force = [0.03, -0.02, 0.01], 1e-6, 0.04, [0.0, 0.0, -STANDARD_GRAVITY]
-    block = doubt.Doubted(block=SimpleNamespace(last=last))
+    block = doubt.Doubted(SimpleNamespace(last=last))
     flat = EYE, [0.0] * 3, [0.0, 0.0, 1.0]
     block.start((3.0, -4.0), (8.0, 5.0), flat, -math.atan2(5.0, 8.0), 3.0, 0.3)
     block.sample([0.01, 0.0, 0.02], force, dt)
@@ -353,7 +353,7 @@ def test_looking_back_is_that_of_filterpy():
     rng, n, H = np.random.default_rng(3), 12, np.eye(STATES)[[PLACE, SPEED]]
     F = np.eye(STATES) + 0.05 * rng.standard_normal((n, STATES, STATES))
     P, x, z = np.eye(STATES), np.zeros(STATES), rng.standard_normal((n, 2))
-    block, states, covariances = Recorded(), [], []
+    block, states, covariances = Recorded(None), [], []
     block.P = P
     block._keep(None)
     for k in range(n):
@@ -463,8 +463,8 @@ def test_a_hole_in_the_imu_ends_the_filter(town):
     cut = replace(imu, **{k: v[~hole] for k, v in vars(imu).items()})
     log, t = replace(town.log, imu=cut), town.log.gnss.t_s
     c = replay(log, Options(filter="car")).columns
-    assert np.isfinite(c["sigma_yaw_deg"][(t > 90) & (t < 99)]).all()
-    assert np.isnan(c["sigma_yaw_deg"][(t > 108.2) & (t < 109)]).all()
-    assert np.isfinite(c["sigma_yaw_deg"][t > 200]).all()
-    off = np.hypot(*town.output_error(c))[(t > 108) & (t < 120)]
-    assert off.max() < 15.0  # of fixes, not of a course that is 80 deg off
+    known, within = np.isfinite(c["sigma_yaw_deg"]), (t > 101.5) & (t < 108.5)
+    assert known[(t > 90) & (t < 99)].all() and known[t > 200].all() and within.sum() > 5
+    assert not known[within].any()
+    off = np.hypot(*town.output_error(c))[(t > 101.5) & (t < 120)]
+    assert off.max() < 12.0  # of fixes: 71 m if it went on in the hole, 42 m after it

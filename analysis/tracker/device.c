@@ -1270,7 +1270,9 @@ static bool device_contradicted(Device *d, const number fix[3], number sigma) {
 static Constrained *device_constrain(Device *d, const number *fix, const number *velocity,
                                      number sigma_p, number sigma_v) {
   Constrained *car = car_of(d);
-  if (!OPTIONS_FILTER_CAR || !d->constrained || !d->attitude.ready) return NULL;
+  bool without = device_without_imu(d, d->t_epoch);
+  if (car && without) car->started = false;
+  if (!OPTIONS_FILTER_CAR || !d->constrained || !d->attitude.ready || without) return NULL;
   if (car) {
     car_update(car, fix, velocity, sigma_p, sigma_v);
   } else if (device_sighted(d) && fix && velocity && d->speed > DEVICE_FAST) {

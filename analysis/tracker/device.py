@@ -445,6 +445,9 @@ class Device:
     def _constrain(self, fix, velocity, sigma_p, sigma_v):
         """Run the constrained filter; return it once it has started."""
         car, block = self.constrained, self.attitude
+        if car and self._without_imu(self._t_epoch):
+            car.started = False
+            return None
         if not car or not block.ready:
             return None
         if car.started:

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from analysis.tracker.constrained import GYRO, STATES, TILT
-from analysis.tracker.lever import NO_LEVER, Levered
+from analysis.tracker.lever import Levered
 from analysis.tracker.vectors import dot
 
 
@@ -24,16 +24,14 @@ class Doubted(Levered):
 
     Parameters
     ----------
-    number : type
-        Of every state.
-    lever : sequence of 3 floats
-        From the sensor to the antenna, forward, right and down in the car, m.
     block : Attitude
         Block 2, which has the last sample.
+    *given
+        As for `Levered`.
     """
 
-    def __init__(self, number=float, lever=NO_LEVER, block=None):
-        super().__init__(number, lever)
+    def __init__(self, block, *given):
+        super().__init__(*given)
         self._block = block
 
     def start(self, *state):

@@ -193,7 +193,7 @@ def stepped(timeline, options, stored=None, smooth=False, lever=NO_LEVER, *, pro
         device = Device(options, left, has_imu)
         if device.constrained:
             kind = Recorded if smooth else Doubted
-            device.constrained = kind(options.number, lever, device.attitude)
+            device.constrained = kind(device.attitude, options.number, lever)
         return device
 
     device, samples = switched_on(stored), _samples(timeline.imu, options.number)
