@@ -383,9 +383,11 @@ def test_when_the_filters_start_and_what_carries_them():
             fusion={}, mounting={"mount": at["mount"]}, upright={"down": "d"},
         )  # fmt: skip
         device._speed, starts = at["speed"], at == good or at["mount"] is False
+        device._t_epoch, device._t_imu = 7.5, 7.0
         device._constrain(at["fix"], at["velocity"], 1.0, 2.0)
         given = ("fix", "v", ("C", "b", "d"), at["mount"] or 0.0, 1.0, 2.0, (0.1, 3.0))
         assert [c.args for c in device.constrained.start.call_args_list] == [given] * starts
+        assert not starts or device.constrained.ahead == 0.5  # of the last sample
         for since, imu in ((0.0, 0.0), (1.0, 1.0), (1.01, 0.0), (0.5, 1.01)):
             device._t_fusion, device._t_imu, device.fusion = 9.0, 9.0 + since - imu, Mock()
             device._predict(9.0 + since)

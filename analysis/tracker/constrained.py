@@ -53,6 +53,8 @@ class Constrained:
         North, east and down in body axes.
     C_vb : list of 3 lists of 3 floats
         The car's axes forward, right and down in body axes.
+    ahead : float
+        How much later than the last sample the position is, s.
     """
 
     def __init__(self, number=float):
@@ -82,6 +84,7 @@ class Constrained:
         self.C_nb = [[number(c) for c in row] for row in C_nb]
         ahead = north(down, mount)
         self.C_vb = [[number(c) for c in row] for row in (ahead, cross(down, ahead), down)]
+        self.ahead = 0.0
         self.gyro_bias = [number(b) for b in bias]
         self.accel_bias = [number(0)] * 3
         tilt, yaw, gyro, accel, pitch, mounting = START
@@ -127,13 +130,21 @@ class Constrained:
             total[i] += step
             velocity[i] += step
         velocity[2] += STANDARD_GRAVITY * dt
-        self.position[0] += half * (before[0] + velocity[0])
-        self.position[1] += half * (before[1] + velocity[1])
+        left = half - self.ahead
+        self.position[0] += left * before[0] + half * velocity[0]
+        self.position[1] += left * before[1] + half * velocity[1]
+        self.ahead = 0.0
         add(self._turned, (a, b, c))
         self._seconds += dt
         if self._seconds + 0.5 * dt >= STEP_S:
             self._carry()
             self._constrain(static)
+
+    def reach(self, ahead):
+        """Carry the position straight on, to some seconds after the last sample."""
+        for i in (0, 1):
+            self.position[i] += (ahead - self.ahead) * self.velocity[i]
+        self.ahead = ahead
 
     def update(self, position, velocity, sigma_p, sigma_v):
         """Take in a fix: position and velocity (sequences, north and east), each may be None."""

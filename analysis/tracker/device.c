@@ -1025,13 +1025,20 @@ static void car_sample(Constrained *b, const number gyro[3], const number accel[
     b->force[i] += step, b->velocity[i] += step;
   }
   b->velocity[2] += GRAVITY * dt;
-  EACH(i, 2) b->position[i] += half * (before[i] + b->velocity[i]);
+  number left = half - b->ahead;
+  EACH(i, 2) b->position[i] += left * before[i] + half * b->velocity[i];
+  b->ahead = 0;
   add(b->turned, a);
   b->seconds += dt;
   if (b->seconds + R(0.5) * dt >= CONSTRAINED_STEP_S) {
     car_carry(b);
     car_constrain(b, is_static);
   }
+}
+
+static void car_reach(Constrained *b, number ahead) {
+  EACH(i, 2) b->position[i] += (ahead - b->ahead) * b->velocity[i];
+  b->ahead = ahead;
 }
 
 static void car_update(Constrained *b, const number *position, const number *velocity,
@@ -1273,12 +1280,15 @@ static Constrained *device_constrain(Device *d, const number *fix, const number 
   bool without = device_without_imu(d, d->t_epoch);
   if (car && without) car->started = false;
   if (!OPTIONS_FILTER_CAR || !d->constrained || !d->attitude.ready || without) return NULL;
+  number ahead = most(0, step_of(d->t_epoch, d->t_imu));
   if (car) {
+    car_reach(car, ahead);
     car_update(car, fix, velocity, sigma_p, sigma_v);
   } else if (device_sighted(d) && fix && velocity && d->speed > DEVICE_FAST) {
     number down[3], mount = or_zero(d->mounting.mount);
     opposite(down, d->upright.mean);
     car_start(d->constrained, fix, velocity, &d->attitude, down, mount, sigma_p, sigma_v);
+    d->constrained->ahead = ahead;
   }
   return car_of(d);
 }
