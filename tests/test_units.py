@@ -396,7 +396,7 @@ def test_interpolation_and_rates_of_a_parabola():
     x = np.stack([at**2 - 3 * at, 5 - at], axis=1)
     x = np.insert(x, 5, np.nan, axis=0)  # an epoch without a value is none
     at = np.insert(at, 5, 2.5)
-    t = np.r_[-3.1, -3, -2.9, -0.1, 0.0, 0.7, 2.6, 4, 6.9, 7, 7.1, 9.5, 9.6, 11, 11.1, 14.1]
+    t = np.r_[-3.1, -3, -2.9, -0.1, 0.0, 0.7, 2.6, 4, 6.9, 7, 7.1, 9.5, 9.6, 11, 11.1, 14, 14.1]
     found, gone = interpolated(t, at, x), np.isin(t, [-3.1, -2.9, -0.1, 7.1, 9.5, 11.1, 14.1])
     assert (np.isnan(found).all(axis=1) == gone).all()
     good = np.isfinite(found[:, 0])

@@ -274,7 +274,7 @@ def interpolated(t: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
     k = np.clip(np.searchsorted(at, t, side="right") - 1, 0, len(at) - 2)
     step = at[k + 1] - at[k]
     inside = (t >= at[0]) & (t <= at[-1])
-    inside &= (step <= max(2.5 * float(np.median(np.diff(at))), 1.0)) | (t == at[k])
+    inside &= (step <= max(2.5 * float(np.median(np.diff(at))), 1.0)) | np.isin(t, at)
     out[inside] = cubic(t[inside])
     return out
 
