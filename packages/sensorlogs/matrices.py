@@ -4,7 +4,6 @@ Arrays of equal length in one group (a MATLAB struct, an HDF5 group, an npz file
 one table: ``t``, ``gx``, ``gy``, ``gz``, or ``t`` and a matrix ``gyro`` with three columns.
 """
 
-import contextlib
 import json
 import warnings
 import zipfile
@@ -73,13 +72,6 @@ def mat5(path: Path) -> list[Part]:
         if not name.startswith("__"):
             visit(name, value, "")
     return _grouped(path, groups, opaque)
-
-
-@contextlib.contextmanager
-def open_mat73(path: Path) -> Iterator[h5py.File]:
-    """Open a MATLAB v7.3 (HDF5) file; an error becomes `CannotAnswer`."""
-    with reading(path, HDF5, "h5py"), h5py.File(path) as file:
-        yield file
 
 
 def hdf5(path: Path) -> list[Part]:
