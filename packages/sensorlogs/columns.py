@@ -391,7 +391,8 @@ def choose(
     """
     if kind is not None and kind not in FLAG:
         raise WrongUsage(f"--kind {kind} is not one of {', '.join(FLAG)}")
-    units, scales = given_units(unit, kind), given_scales(scale)
+    units = given_units(unit, kind)
+    scales = {its: fraction(text) for its, text in per_kind(scale, "scale").items()}
     wanted = [resolve(c, list(frame), file) for c in columns] if columns else None
     kinds, left_out = _kinds(frame, file, wanted, kind, units)
     found, notes = [], []
@@ -500,11 +501,6 @@ def _check_flags(file, found, given, flags) -> None:
                 f"{file}: --{flag} {FLAG[absent]}= fits none of the columns chosen: leave it out, "
                 "or choose with --columns"
             )
-
-
-def given_scales(scale: str | None) -> dict[str | None, float]:
-    """Read the scales given for each kind; a bare one has the kind None."""
-    return {kind: fraction(text) for kind, text in per_kind(scale, "scale").items()}
 
 
 def given_units(unit: str | None, kind: str | None = None) -> dict[str | None, str]:
