@@ -159,11 +159,8 @@ def compiled_filter(samples=4001, runs=64, cells=25):
         # linked without -ffast-math: with it, loading makes numbers below 1e-308 zero everywhere
         subprocess.run([compiler, "-shared", made, "-o", library, "-lm"], check=True)
         loop = ctypes.CDLL(str(library)).laps
-        array, count, number = (
-            np.ctypeslib.ndpointer(float, flags="C_CONTIGUOUS"),
-            ctypes.c_long,
-            ctypes.c_double,
-        )
+        array = np.ctypeslib.ndpointer(float, flags="C_CONTIGUOUS")
+        count, number = ctypes.c_long, ctypes.c_double
         loop.argtypes = [array, array, count] + 4 * [number] + 3 * [array] + [number]
         loop.argtypes += [count, count, count, array, array]
         _, plain = timed(loop, *given, clock=time.process_time)

@@ -41,10 +41,8 @@ FITTED = 100  # logs of the terrain paper's sensor that are fitted too; no verdi
 TERRAIN_WINDOW_S = 10.0  # averages whose autocorrelation is taken; the paper does not say
 LONGER_HOURS = (2, 8)
 FLIGHT_DT = 0.25  # s: every fifth of the comparison paper's 20 Hz
-MANOEUVRES = (
-    1429.0,
-    1906.0,
-)  # s, from the begin of the turns to the end of the pushovers (section VII)
+# s, from the begin of the turns to the end of the pushovers (section VII)
+MANOEUVRES = 1429.0, 1906.0
 POINTS = 40  # of the Allan curve of the bias alone
 
 

@@ -11,12 +11,8 @@ from analysis import store, terrain_data
 from analysis.terrain.open_choices import FACTORS, Interpretation
 from studies import seed
 
-SEED, LAPS, DRAWS = (
-    seed(2026),
-    4200,
-    200,
-)  # laps of each sensor; draws of the gyros on each real lap
-RESAMPLES = 2000
+SEED, RESAMPLES = seed(2026), 2000
+LAPS, DRAWS = 4200, 200  # of each sensor; of the gyros on each real lap
 ELSEWHERE = "terrain-sampling-rate-matters"  # notebook 22 judges it
 
 
