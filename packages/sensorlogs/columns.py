@@ -220,14 +220,12 @@ def recognise(name: str) -> Column:
     axis = next((word for word in said[:-3:-1] if word in AXES), None)
     of = kind or KIND_OF_UNIT.get(unit or "")
     quantity = f"{FLAG[of]}_{axis}" if of in ("rate", "accel") and axis and not other else None
-    for what, pattern in NAMES["moving"].items():
-        if re.fullmatch(pattern, "_".join(said)):
-            quantity = what
-            break
+    moving = NAMES["moving"]
+    quantity = next((q for q in moving if re.fullmatch(moving[q], "_".join(said))), quantity)
     for start, end in [] if unit else _ends(name):
         for what, units in _OWN_UNITS.items():
             own = units.get(_plain(end))
-            if own and re.fullmatch(NAMES["moving"][what], "_".join(words(start))):
+            if own and re.fullmatch(moving[what], "_".join(words(start))):
                 quantity, unit = what, own
     quantity = "time" if times.is_time(name) else quantity
     return Column(unit, tuple(said), kind, other, quantity)
@@ -290,10 +288,11 @@ def contents(frame: pd.DataFrame) -> dict[str, str]:
         return found
     steps, whole = np.diff(head, axis=0), (head == np.round(head)).all(axis=0)
     means = head.mean(axis=0)
-    for j, name in enumerate(names):
-        if whole[j] and np.mean(steps[:, j] == 1) > 0.9:
+    for name, step, counts in zip(names, steps.T, whole, strict=True):
+        if counts and np.mean(step == 1) > 0.9:
             found[name] = "a counter: it steps by 1"
-        elif (steps[:, j] > 0).all() or (whole[j] and _ticks(steps[:, j])):
+        # A coarse clock is often still, and never goes back.
+        elif (step > 0).all() or (counts and (step >= 0).all() and np.count_nonzero(step) > 2):
             found[name] = "a time or counter: it never falls"
     for j in range(len(names) - 2):
         three = names[j : j + 3]
@@ -304,11 +303,6 @@ def contents(frame: pd.DataFrame) -> dict[str, str]:
                 if np.sqrt(np.mean((head[:, k] - norm) ** 2)) < least:
                     found[names[k]] = f"the norm of {', '.join(three)}"
     return found
-
-
-def _ticks(steps: np.ndarray) -> bool:
-    """Tell whether whole numbers climb as a coarse clock does: often still, never back."""
-    return bool((steps >= 0).all() and np.count_nonzero(steps) > 2)
 
 
 def gravity_unit(norm: float, within: float = 0.2) -> str | None:
