@@ -334,23 +334,25 @@ def replay(
     _tell("replay.txt", summary, out=out, facts=page.facts(summary))
 
 
+def _numbers(text, mark):
+    """Read the numbers between marks; none at all where one of them is none."""
+    try:
+        return tuple(float(part) for part in text.split(mark))
+    except ValueError:
+        return ()
+
+
 def _interval(text):
     """Read FROM:TO in seconds."""
-    try:
-        start, stop = (float(part) for part in text.split(":"))
-    except ValueError:
-        start, stop = 0.0, -1.0
-    if not 0 <= start < stop:
+    ends = _numbers(text, ":")
+    if len(ends) != 2 or not 0 <= ends[0] < ends[1]:
         raise WrongUsage(f"--outage {text}: write FROM:TO in seconds, such as 300:330")
-    return start, stop
+    return ends
 
 
 def _lever(text):
     """Read forward, right and down in metres."""
-    try:
-        lever = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        lever = ()
+    lever = _numbers(text, ",")
     if len(lever) != 3 or not all(abs(part) < 30 for part in lever):
         raise WrongUsage(
             f"--lever {text}: write forward, right and down, each under 30 m, such as 1.2,0,-0.8 "
@@ -545,7 +547,7 @@ def coverage(
         "attitude": attitudes.study,
     }[study]
     given = {"runs": runs} if runs else {}
-    given |= {"hours": _numbers(hours)} if hours else {}
+    given |= {"hours": _hours(hours)} if hours else {}
     given |= {"names": models.split(",")} if models else {}
     given |= {"entries": entry} if entry else {}
     takes = {"beside": ("runs", "names", "entries")}
@@ -556,13 +558,12 @@ def coverage(
     print(f"the tables are in {out}/")
 
 
-def _numbers(hours):
+def _hours(text):
     """Read lengths in hours."""
-    with contextlib.suppress(ValueError):
-        lengths = [float(h) for h in hours.split(",")]
-        if all(h > 0 for h in lengths):
-            return lengths
-    raise WrongUsage(f"--hours {hours}: write numbers above zero with commas, such as 2,6")
+    hours = _numbers(text, ",")
+    if not hours or not all(h > 0 for h in hours):
+        raise WrongUsage(f"--hours {text}: write numbers above zero with commas, such as 2,6")
+    return hours
 
 
 @_verb
