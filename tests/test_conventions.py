@@ -7,6 +7,7 @@ from scipy.signal import welch
 
 from analysis import ROOT
 from analysis.noise.models import UnifiedModel, adev_gauss_markov, gauss_markov
+from sensorlogs.columns import IN_SI
 from workbench import conventions as c
 
 PAGE = ROOT / "analysis" / "noise" / "README.md"
@@ -64,7 +65,7 @@ def test_the_page_has_the_numbers_of_the_functions():
 def test_units_are_those_of_scipy():
     """Property: the one table of units, by which logs are read and exports written."""
     for unit, of in (("deg/s", degree), ("deg/h", degree / 3600), ("g", g), ("mg", g / 1000)):
-        assert c.SI[unit][0] == pytest.approx(of, rel=1e-15)
+        assert IN_SI[unit] == pytest.approx(of, rel=1e-15)
 
 
 def test_unknown_stays_unknown():
