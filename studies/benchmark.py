@@ -228,7 +228,7 @@ def noise_models(samples=10_000_000, channels=6, fit_hours=2.0):
     rngs = np.random.default_rng(GYRO_SEED).spawn(channels)
     readings = [GYRO.simulate(samples, DT, rng) for rng in rngs]
     named = tuple(Channel(f"gyro_{k}", "deg/s", "rate", y) for k, y in enumerate(readings))
-    log = Log("made", "made", "made", "", 1 / DT, named, samples, 0, (), "", "")
+    log = Log(rate_hz=1 / DT, channels=named, samples=samples)
     _, seconds = timed(static_logs.characterise, log, progress=False)
     yield Measured("10^7 samples x 6 channels, all of report's numbers", seconds, "s", "<= 20")
     gigabytes = getrusage(RUSAGE_SELF).ru_maxrss / 1e6

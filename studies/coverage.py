@@ -304,9 +304,8 @@ def characterised(one, *, model, dt, kind, hours):
     """
     run, rng = one[0], np.random.default_rng(one[1])
     y = model.simulate(round(3600 * hours / dt), dt, rng)
-    told = dict.fromkeys(("name", "title", "file", "sha256", "licence", "source"), "")
     channels, samples = (Channel("gyro", "deg/s", kind, y),), int(np.isfinite(y).sum())
-    log = Log(**told, rate_hz=1 / dt, channels=channels, samples=samples, gaps=0, repairs=())
+    log = Log(rate_hz=1 / dt, channels=channels, samples=samples)
     try:
         result = static_logs.characterise(log, seed=int(rng.integers(2**32)), progress=False)
     except CannotAnswer:

@@ -51,7 +51,7 @@ class Channel:
     values: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Log:
     """A log on a uniform time grid.
 
@@ -80,17 +80,17 @@ class Log:
         Start and end of the stretch that `between` cut out, likewise.
     """
 
-    name: str
-    title: str
-    file: str
-    sha256: str
+    name: str = ""
+    title: str = ""
+    file: str = ""
+    sha256: str = ""
     rate_hz: float
     channels: tuple[Channel, ...]
     samples: int
-    gaps: int
-    repairs: tuple[str, ...]
-    licence: str
-    source: str
+    gaps: int = 0
+    repairs: tuple[str, ...] = ()
+    licence: str = ""
+    source: str = ""
     given: str = ""
     temperature: np.ndarray | None = None
     start_s: float = 0.0
