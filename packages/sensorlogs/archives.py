@@ -128,8 +128,6 @@ def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
     ]
     if len(inside) > FILES:
         raise WrongUsage(f"{path.name} has more than {FILES} files: name the log file in it")
-    if not inside:
-        raise WrongUsage(f"{path.name}: no log file in it: name one")
     parts: list[Part] = []
     errors: list[CannotAnswer | WrongUsage] = []
     for file in inside:
@@ -143,7 +141,7 @@ def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
             name = stem if len(found) == 1 else f"{stem}/{part.name}"
             parts.append(replace(part, name=name))
     if not parts:
-        raise errors[0]
+        raise next(iter(errors), WrongUsage(f"{path.name}: no log file in it: name one"))
     return parts
 
 
