@@ -71,7 +71,8 @@ def mat5(path: Path) -> list[Part]:
     for name, value in content.items():
         if not name.startswith("__"):
             visit(name, value, "")
-    return _grouped(path, groups, opaque)
+    only = f"{', '.join(opaque[:3])}: a MATLAB table or object, which only MATLAB reads; "
+    return _grouped(path, groups, why=only if opaque else "")
 
 
 def hdf5(path: Path) -> list[Part]:
@@ -95,7 +96,7 @@ def hdf5(path: Path) -> list[Part]:
 
     with reading(path, HDF5, "h5py"):
         h5py.File(path).visititems(visit)
-    return _grouped(path, groups, [], units)
+    return _grouped(path, groups, units)
 
 
 def numpy_file(path: Path) -> list[Part]:
@@ -116,7 +117,7 @@ def numpy_file(path: Path) -> list[Part]:
             groups[""] = {f"c{j + 1}": wide[:, j] for j in range(wide.shape[1])}
         elif value.dtype.kind in "fiub":
             groups.setdefault("", {})[name] = value
-    return _grouped(path, groups, [])
+    return _grouped(path, groups)
 
 
 def rda(path: Path) -> list[Part]:
@@ -158,7 +159,7 @@ def json_lines(path: Path) -> list[Part]:
         first = frame.iloc[0] if found else {}
         arrays = {n: np.array(c, float) for n, c in first.items() if _is_long(c)}
         if arrays:
-            return _grouped(path, {"": arrays}, [])
+            return _grouped(path, {"": arrays})
         sensors = pd.Series("lines", frame.index)
         if "sensor" in frame and (named := frame["sensor"].map(type).eq(str)).any():
             sensors = frame.pop("sensor").where(named, "lines")
@@ -236,8 +237,8 @@ def _axes(count: int) -> Sequence[str]:
 def _grouped(
     path: Path,
     groups: dict[str, dict[str, Any]],
-    opaque: list[str],
     units: dict[str, dict[str, str]] | None = None,
+    why: str = "",
 ) -> list[Part]:
     """Make one table of the arrays of equal length in each group; scalars are no columns."""
     parts = []
@@ -252,9 +253,6 @@ def _grouped(
             parts.append(_matrix_part(path, label, mine, rows, (units or {}).get(group, {})))
     if parts:
         return parts
-    why = ""
-    if opaque:
-        why = f"{', '.join(opaque[:3])}: a MATLAB table or object, which only MATLAB reads; "
     raise CannotAnswer(f"{path.name}: no matrix of numbers in it; {why}save plain vectors, or CSV")
 
 
