@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from sensorlogs import IN_DEG_S, IN_M_S2, STANDARD_GRAVITY, WrongUsage, times
+from sensorlogs import IN_DEG_S, IN_M_S2, STANDARD_GRAVITY, WrongUsage, grouped, times
 from sensorlogs.names import NAMES
 
 KIND_OF_UNIT = {unit: said["kind"] for unit, said in NAMES["units"].items()}
@@ -420,9 +420,8 @@ def choose(
             f"{file}: {' '.join(options) or 'no unit that is known'} fits none of the columns "
             f"{', '.join(frame)}: leave it out, or state their unit with --unit or in the header"
         )
-    for each in dict.fromkeys(c.kind for c in chosen):
-        names = [c.column for c in chosen if c.kind == each]
-        its_unit = next(c.unit for c in chosen if c.kind == each)
+    for each, alike in grouped((c.kind, c) for c in chosen).items():
+        names, its_unit = [c.column for c in alike], alike[0].unit
         if not scales.keys() & {each, None} and _counts(frame, names, its_unit):
             raise WrongUsage(
                 f"{file}, columns {', '.join(names)}: whole numbers only: these look like raw "
@@ -434,7 +433,7 @@ def choose(
     if not (kind or "rate" in units):
         _check_gyros(frame, file, chosen)
     if left_out := left_out | no_unit:
-        reasons = {w: [n for n, its in left_out.items() if its == w] for w in left_out.values()}
+        reasons = grouped((why, name) for name, why in left_out.items())
         listed = ", ".join(f"{', '.join(names)} ({why})" for why, names in reasons.items())
         notes.append(f"columns left out: {listed}; --columns takes such a column all the same")
     doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
@@ -479,9 +478,7 @@ def _check_gyros(frame, file, chosen) -> None:
 
 def _check_flags(file, found, given, flags) -> None:
     """Refuse a bare unit or scale for columns of several kinds, and one for a kind not there."""
-    groups: dict[str, list[str]] = {}
-    for choice in found:
-        groups.setdefault(choice.kind, []).append(choice.column)
+    groups = grouped((choice.kind, choice.column) for choice in found)
     for flag, text, each in given:
         if None in each and len(groups) > 1:
             has = " and ".join(f"{FLAG[its]} ({', '.join(of)})" for its, of in groups.items())

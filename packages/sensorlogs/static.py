@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from sensorlogs import CannotAnswer, WrongUsage, columns, counted, datasets, formats, times
+from sensorlogs import CannotAnswer, WrongUsage, columns, counted, datasets, formats, grouped, times
 from sensorlogs.catalogue import check_unit, find
 from sensorlogs.columns import Choice
 from sensorlogs.delimited import Table, printable
@@ -391,12 +391,11 @@ def _channel(
 
 def _missing(table: Table, lost: Sequence[tuple]) -> Iterator[str]:
     """Say what is missing, in one sentence for each reason, whatever the number of columns."""
-    for reason in dict.fromkeys(why for why, *_ in lost):
+    for reason, each in grouped((why, rest) for why, *rest in lost).items():
         places = (
             f"{count:,} of {len(table.frame):,} in {column}, first in "
             f"{table.place(row).removeprefix(f'{table.file}, ')}"
-            for why, count, row, column in lost
-            if why == reason
+            for count, row, column in each
         )
         yield f"{table.file}: values are missing{reason}: {'; '.join(places)}"
 

@@ -7,6 +7,7 @@ from itertools import permutations, zip_longest
 from analysis import plots, store
 from analysis.static_logs.stored import plain
 from analysis.units.side_by_side import side_by_side
+from sensorlogs import grouped
 from sensorlogs.columns import tidy
 from workbench import pages
 from workbench.pages import Said
@@ -85,19 +86,15 @@ def shown(events):
         rank = next((k for k, word in enumerate(FIRST) if word in e["kind"]), len(FIRST))
         return rank, e["kind"], -e["size"]
 
-    kinds: dict[str, list[dict]] = {}
-    for e in sorted(events, key=order):
-        kinds.setdefault(e["kind"], []).append(e)
+    kinds = grouped((e["kind"], e) for e in sorted(events, key=order))
     in_turn = [e for turn in zip_longest(*kinds.values()) for e in turn if e]
     return sorted(in_turn[:EVENTS], key=order)
 
 
 def _counts(events):
     """Count events by kind, and add up what was lost."""
-    sizes: dict[str, list[float]] = {}
-    for e in events:
-        if not e["kind"].startswith("largest"):
-            sizes.setdefault(e["kind"], []).append(e["size"])
+    sizes = grouped((e["kind"], e["size"]) for e in events)
+    sizes = {kind: own for kind, own in sizes.items() if not kind.startswith("largest")}
     kinds = [(kind, len(own), sum(own)) for kind, own in sizes.items()]
     return Said("counts", {"kinds": kinds})
 
