@@ -681,9 +681,7 @@ def temperature(frame: pd.DataFrame, names: Sequence[str]) -> tuple[str, np.ndar
         Column and its values in deg C, NaN where there is none; None if there is no such column, or
         it is in counts or in another unit.
     """
-    for name in names:
-        if recognise(name).other != "a temperature":
-            continue
+    for name in (n for n in names if recognise(n).other == "a temperature"):
         values = frame[name].to_numpy(dtype=float)
         unit = _BRACKETS.match(name)
         last = (unit["unit"] if unit else words(name)[-1]).lower().removeprefix("deg").strip("° ")
