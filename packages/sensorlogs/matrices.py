@@ -17,7 +17,7 @@ import pandas as pd
 import scipy.io
 
 from sensorlogs import CannotAnswer
-from sensorlogs.archives import LIMIT, check_zip
+from sensorlogs.archives import check_zip
 from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, check_size, content
 from sensorlogs.integrity import INTACT, reading, state
@@ -103,7 +103,7 @@ def numpy_file(path: Path) -> list[Part]:
     """List the tables of an npy or npz file."""
     with reading(path, "a NumPy file", "numpy"):
         if zipfile.is_zipfile(path):
-            check_zip(path, LIMIT)
+            check_zip(path)
             with np.load(path, allow_pickle=False) as file:
                 members = {name: file[name] for name in file.files}
         else:
