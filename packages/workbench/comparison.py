@@ -119,12 +119,11 @@ def _told(found, units):
     names = [track.name for track in found.tracks]
     clocks = []
     for name, clock in zip(names[1:], found.clocks, strict=True):
-        ends = {"offset_s": clock.offset_s.value, "low": clock.offset_s.low}
-        ends = {k: _exact(v) for k, v in (ends | {"high": clock.offset_s.high}).items()}
-        more = {"drift": plain(clock.drift), "named": clock.named, "note": clock.offset_s.note}
-        clocks.append(
-            {"unit": name, "against": names[0]} | ends | more | {"undated": clock.undated}
-        )
+        offset = clock.offset_s
+        ends = {"offset_s": offset.value, "low": offset.low, "high": offset.high}
+        about = {"unit": name, "against": names[0]} | {k: _exact(v) for k, v in ends.items()}
+        about |= {"drift": plain(clock.drift), "named": clock.named, "note": offset.note}
+        clocks.append(about | {"undated": clock.undated})
     rows = [(pair, _dated(pair, zero, start)) for pair in found.pairs]
     parts = [
         [
