@@ -546,10 +546,9 @@ def coverage(
         "ensembles": ensembles.study,
         "attitude": attitudes.study,
     }[study]
-    given = {"runs": runs} if runs else {}
-    given |= {"hours": _hours(hours)} if hours else {}
-    given |= {"names": models.split(",")} if models else {}
-    given |= {"entries": entry} if entry else {}
+    given = {"runs": runs, "hours": hours and _hours(hours), "entries": entry}
+    given |= {"names": models and models.split(",")}
+    given = {name: value for name, value in given.items() if value}
     takes = {"beside": ("runs", "names", "entries")}
     takes |= dict.fromkeys(("intervals", "broken"), ("runs", "hours", "names"))
     if set(given) - {*takes.get(study, ())}:
