@@ -282,18 +282,17 @@ def nmea_lines(gnss: Gnss, start: datetime.datetime) -> Iterator[str]:
         yield f"{t:.3f}"
         has = bool(gnss.has_fix[k])
         when = {"time": at.time().replace(tzinfo=None), "lat": "", "NS": "", "lon": "", "EW": ""}
-        if has:
-            lat, lon = float(gnss.lat_deg[k]), float(gnss.lon_deg[k])
-            when |= {"lat": lat, "NS": "NS"[lat < 0], "lon": lon, "EW": "EW"[lon < 0]}
         rmc = {"status": "AV"[not has], "date": at.date(), "posMode": "AN"[not has]}
-        if has:
-            knots = float(gnss.speed_m_s[k]) / 0.514444
-            rmc |= {"spd": round(knots, 3), "cog": round(float(gnss.course_deg[k]), 2)}
         dop = round(float(gnss.pdop[k]), 2)
         part = round(dop / 2**0.5, 2)  # the PDOP's square is the sum of theirs
         gga = {"quality": int(has), "numSV": 8 * has, "HDOP": part, "altUnit": "M", "sepUnit": "M"}
         gga |= {"diffAge": "", "diffStation": ""}
-        gga |= {"alt": round(float(gnss.height_m[k]), 1), "sep": 0.0} if has else {}
+        if has:
+            lat, lon = float(gnss.lat_deg[k]), float(gnss.lon_deg[k])
+            when |= {"lat": lat, "NS": "NS"[lat < 0], "lon": lon, "EW": "EW"[lon < 0]}
+            knots = float(gnss.speed_m_s[k]) / 0.514444
+            rmc |= {"spd": round(knots, 3), "cog": round(float(gnss.course_deg[k]), 2)}
+            gga |= {"alt": round(float(gnss.height_m[k]), 1), "sep": 0.0}
         gsa = {"opMode": "A", "navMode": 3 if has else 1, "PDOP": dop, "HDOP": part, "VDOP": part}
         gsa |= {f"svid_{i:02}": i if has and i <= 8 else "" for i in range(1, 13)}
         for kind, fields in (("RMC", when | rmc), ("GGA", when | gga), ("GSA", gsa)):
