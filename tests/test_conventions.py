@@ -10,8 +10,6 @@ from analysis.noise.models import UnifiedModel, adev_gauss_markov, gauss_markov
 from sensorlogs.columns import IN_SI
 from workbench import conventions as c
 
-PAGE = ROOT / "analysis" / "noise" / "README.md"
-
 
 def test_one_and_two_sided_densities():
     """Cross-check: scipy's welch of simulated white noise reads N^2 two-sided, 2 N^2 one-sided."""
@@ -52,7 +50,8 @@ def test_hump_and_floor():
 
 def test_the_page_has_the_numbers_of_the_functions():
     """Property: the table on the page is what side_by_side gives for the example."""
-    text, values = PAGE.read_text(encoding="utf-8"), c.side_by_side(**c.EXAMPLE)
+    text = (ROOT / "analysis/noise/README.md").read_text(encoding="utf-8")
+    values = c.side_by_side(**c.EXAMPLE)
     table = c.table({"value": values}, c.EXAMPLE["dt"], "°/s")
     assert f"<!-- table: conventions.table -->\n{table}\n<!-- end of table -->" in text
     opening = [values[k] for k in ("N", "N_per_root_hour", "one_sided", "sample")]
