@@ -26,6 +26,7 @@ FLAGS = tomllib.loads(Path(__file__).with_name("flags.toml").read_text(encoding=
 TYPES = {"number": float, "count": int, "text": str, "switch": bool}
 WIDTH = 100  # of a line on the terminal
 WRAPPED = {"subsequent_indent": "    ", "break_long_words": False, "break_on_hyphens": False}
+READS = {"report": "static", "pool": "static", "replay": "moving", "compare": "moving"}  # logs
 RESUMABLE = ("reproduce", "coverage", "readings", "data")  # they keep each piece that is finished
 
 
@@ -79,12 +80,10 @@ def app():
     """Rerun the compendium, characterise inertial sensors, replay a tracker on field logs."""
 
 
-def _verb(function=None, *, reads=None):
-    """Make a function a verb; `reads` names the flags that it takes as ``**reading``."""
-    if function is None:
-        return functools.partial(_verb, reads=reads)
-    own = inspect.signature(function).parameters
-    tables = [FLAGS["shared"], FLAGS.get(reads, {}), FLAGS[function.__name__]]
+def _verb(function):
+    """Make a function a verb, with its flags and those that it takes as ``**reading``."""
+    verb, own = function.__name__, inspect.signature(function).parameters
+    tables = [FLAGS["shared"], FLAGS.get(READS.get(verb), {}), FLAGS[verb]]
     parameters = []
     for name in {**tables[2], **tables[1]}:
         about = functools.reduce(lambda known, table: known | table.get(name, {}), tables, {})
@@ -196,7 +195,7 @@ def _parameter(text):
     return name, str(Path(value).resolve()) if Path(value).is_file() else value
 
 
-@_verb(reads="static")
+@_verb
 def report(log, out, part=None, **reading):
     """Characterise a static log: noise model and report.
 
@@ -269,7 +268,7 @@ def channels(log):
         raise errors[0]
 
 
-@_verb(reads="moving")
+@_verb
 def replay(
     logs,
     out,
@@ -373,7 +372,7 @@ def _check_last_position(path, out):
     _try_to_write(path.parent, option)
 
 
-@_verb(reads="static")
+@_verb
 def pool(logs, out, axes=False, **reading):
     """Estimate one noise model from the logs of several units.
 
@@ -390,7 +389,7 @@ def pool(logs, out, axes=False, **reading):
     _tell("pool.txt", pooled, out=out)
 
 
-@_verb(reads="moving")
+@_verb
 def compare(logs, out, **reading):
     """Compare units that travelled together: positions and attitudes.
 
