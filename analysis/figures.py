@@ -175,13 +175,9 @@ def read(path: Path) -> tuple[dict, pd.DataFrame]:
 def _close(old, new):
     if not old[["panel", "series"]].equals(new[["panel", "series"]]):
         return False
-    for _, rows in old.groupby("panel"):
-        for column in ("x", "y", "y2"):
-            a, b = rows[column].to_numpy(float), new.loc[rows.index, column].to_numpy(float)
-            scale = np.nanmax(np.abs(a)) if np.isfinite(a).any() else 1.0
-            if not np.allclose(b, a, RELATIVE, OF_THE_PANEL * scale, equal_nan=True):
-                return False
-    return True
+    was, now = (table[["x", "y", "y2"]].astype(float) for table in (old, new))
+    size = was.abs().groupby(old["panel"]).transform("max").fillna(1.0)
+    return np.allclose(now, was, RELATIVE, OF_THE_PANEL * size, equal_nan=True)
 
 
 def _picture(fig, dpi):

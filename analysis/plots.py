@@ -287,7 +287,7 @@ def atlas(fig: Figure, table: pd.DataFrame) -> None:
         rows = rows.dropna(subset=["n_at", "b_at"])
         sheets = rows[rows["basis"] == "datasheet"]
         marks = rows.drop(sheets.index)
-        places = _apart(sheets["n"], sheets["b"], APART, [marks["n_at"], marks["b_at"]])
+        places = _apart(sheets["n"], sheets["b"], [marks["n_at"], marks["b_at"]])
         for i, (sheet, at) in enumerate(zip(sheets.itertuples(), places, strict=True), 1):
             ax.plot([sheet.n, at[0]], [sheet.b, at[1]], "0.5", lw=0.5, label=f"_{sheet.name}, line")
             circle = {"ms": 8, "mfc": "w", "mec": "0.4", "mew": 0.6, "ls": "none"}
@@ -437,7 +437,7 @@ def sensors(ax: Axes, table: pd.DataFrame) -> None:
     """
     sheets = table[table["basis"] == "data sheet"]
     measured = table[table["basis"] != "data sheet"]
-    at = _apart(sheets["arw"], sheets["bias"], APART, [measured["arw"], measured["bias"]])
+    at = _apart(sheets["arw"], sheets["bias"], [measured["arw"], measured["bias"]])
     by_name = {of["name"]: of for of in sheets.to_dict("records")}
     for i, (of, place) in enumerate(zip(sheets.to_dict("records"), at, strict=True), start=1):
         color = "C0" if of["price"] > 0 else "0.45"
@@ -454,17 +454,17 @@ def sensors(ax: Axes, table: pd.DataFrame) -> None:
         ax.plot(of["arw"], of["bias"], "*", label=f"{of['name']}, measured", **mark)
 
 
-def _apart(x, y, least, stay):
-    """Push points of a log-log plane `least` decades apart, and off those that stay."""
+def _apart(x, y, stay):
+    """Push points of a log-log plane `APART` decades apart, and off those that stay."""
     at, stay = (np.log10(np.array(of, dtype=float)).T for of in ([x, y], stay))
     for _ in range(200):
         gap = at[:, None] - np.concatenate([at, stay])[None]
         far = np.hypot(*np.moveaxis(gap, 2, 0)) + np.eye(*gap.shape[:2]) * 1e9
         far = np.maximum(far, 1e-9)  # two in one place
-        near = far < least
+        near = far < APART
         if not near.any():
             break
-        push = np.where(near, (least - far) / far, 0.0)[..., None] * gap
+        push = np.where(near, (APART - far) / far, 0.0)[..., None] * gap
         at = at + 0.3 * push.sum(axis=1)
     return 10**at
 
@@ -538,12 +538,9 @@ def units_tracks(found: Comparison) -> Figure:
         other = {"attitude", *ANGLES}
         mine = [e for e in found.events if e.unit == track.name and not other & {*e.kind.split()}]
         if mine:
-            at = [
-                float(np.interp(e.from_s, shown.t_s[shown.fixed], x[shown.fixed]))
-                for e in mine
-                for x in (east, north)
-            ]
-            plan.plot(at[::2], at[1::2], "x", ms=4, color=f"C{k}", label=f"events of {track.name}")
+            begin, fixed = [e.from_s for e in mine], shown.fixed
+            at = (np.interp(begin, shown.t_s[fixed], x[fixed]) for x in (east, north))
+            plan.plot(*at, "x", ms=4, color=f"C{k}", label=f"events of {track.name}")
     plan.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", adjustable="datalim")
     for ax in height:
         ax.set(xlabel="time (s)", ylabel="height (m)")

@@ -31,6 +31,7 @@ from studies.cells import Cell, tabulate
 FOLDER = store.FOLDER / "attitude"
 SETTLED_S = 30.0  # s from the start that are not judged
 PHONES = "2023-08-09_12-47-42", "2025-06-11_20-34-24", "2025-06-14_21-17-02"
+PHONE_FILE = "phone-drives/{}.csv"
 DRIVEN = 1.0  # m/s
 QUIET_S = 10.0  # s of the quietest stretch, which shows the white noise of a gyro
 BLOCK_S = 10.0  # of the bootstrap of a ratio of errors: longer than most of them last
@@ -68,21 +69,19 @@ def aerobatics():
 
 def phone(name):
     """A phone underway, a sample a second: the gravity that it computes from many more."""
-    path = datasets.path(f"phone-drives/{name}.csv")
+    path = datasets.path(PHONE_FILE.format(name))
     gnss, imu, _ = rides.RIDES["phone-drive"].reader(path)
     force = pd.read_csv(path)[["grav_x", "grav_y", "grav_z"]].to_numpy() * rides.Z_UP_TO_DOWN
     driven = (gnss.speed_m_s > DRIVEN)[:, None]  # slower, it may be in a hand
     return Timeline(gnss, imu), np.where(driven, -force, np.nan)
 
 
-CASES = {
-    "highway": highway,
-    "aerobatics": aerobatics,
-    **{f"phone, {name[:10]}": partial(phone, name) for name in PHONES},
+CASES = {  # log -> what reads it, and its file
+    "highway": (highway, POSE),
+    "aerobatics": (aerobatics, several_units.AEROBATIC),
+    **{f"phone, {n[:10]}": (partial(phone, n), PHONE_FILE.format(n)) for n in PHONES},
 }
 CARS = "highway", f"phone, {PHONES[0][:10]}"  # of the other phones no mounting angle is found
-FILES = {"aerobatics": [several_units.AEROBATIC], "highway": [POSE]}
-FILES |= {f"phone, {name[:10]}": [f"phone-drives/{name}.csv"] for name in PHONES}
 
 
 def turned(log, true):
@@ -165,7 +164,7 @@ def compared(own, off, log):
 
 def case(name):
     """Read a log and its true down as it is, turned, and by how much, deg."""
-    log, as_it_is = CASES[name]()
+    log, as_it_is = CASES[name][0]()
     phone = name.startswith("phone")
     return log, as_it_is, *(turned(log, as_it_is) if phone else (as_it_is, np.nan))
 
@@ -240,7 +239,7 @@ def study(folder=FOLDER, **where):
         "made_by": "python -m analysis coverage attitude --out FOLDER",
         "versions": versions,
     }
-    files = [file for name in CASES for file in FILES[name]]
+    files = [file for _, file in CASES.values()]
     tables = {"errors": Cell(judged, [*CASES], chosen, {})}
     tables["stated"] = Cell(stated, [*CARS], pd.DataFrame, {})
     tabulate(folder, source | datasets.origin(*files), tables, **where)

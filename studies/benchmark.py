@@ -159,11 +159,8 @@ def compiled_filter(samples=4001, runs=64, cells=25):
         # linked without -ffast-math: with it, loading makes numbers below 1e-308 zero everywhere
         subprocess.run([compiler, "-shared", made, "-o", library, "-lm"], check=True)
         loop = ctypes.CDLL(str(library)).laps
-        array, count, number = (
-            np.ctypeslib.ndpointer(float, flags="C_CONTIGUOUS"),
-            ctypes.c_long,
-            ctypes.c_double,
-        )
+        array = np.ctypeslib.ndpointer(float, flags="C_CONTIGUOUS")
+        count, number = ctypes.c_long, ctypes.c_double
         loop.argtypes = [array, array, count] + 4 * [number] + 3 * [array] + [number]
         loop.argtypes += [count, count, count, array, array]
         _, plain = timed(loop, *given, clock=time.process_time)
@@ -231,7 +228,7 @@ def noise_models(samples=10_000_000, channels=6, fit_hours=2.0):
     rngs = np.random.default_rng(GYRO_SEED).spawn(channels)
     readings = [GYRO.simulate(samples, DT, rng) for rng in rngs]
     named = tuple(Channel(f"gyro_{k}", "deg/s", "rate", y) for k, y in enumerate(readings))
-    log = Log("made", "made", "made", "", 1 / DT, named, samples, 0, (), "", "")
+    log = Log(rate_hz=1 / DT, channels=named, samples=samples)
     _, seconds = timed(static_logs.characterise, log, progress=False)
     yield Measured("10^7 samples x 6 channels, all of report's numbers", seconds, "s", "<= 20")
     gigabytes = getrusage(RUSAGE_SELF).ru_maxrss / 1e6
@@ -285,18 +282,17 @@ def nmea_lines(gnss: Gnss, start: datetime.datetime) -> Iterator[str]:
         yield f"{t:.3f}"
         has = bool(gnss.has_fix[k])
         when = {"time": at.time().replace(tzinfo=None), "lat": "", "NS": "", "lon": "", "EW": ""}
-        if has:
-            lat, lon = float(gnss.lat_deg[k]), float(gnss.lon_deg[k])
-            when |= {"lat": lat, "NS": "NS"[lat < 0], "lon": lon, "EW": "EW"[lon < 0]}
         rmc = {"status": "AV"[not has], "date": at.date(), "posMode": "AN"[not has]}
-        if has:
-            knots = float(gnss.speed_m_s[k]) / 0.514444
-            rmc |= {"spd": round(knots, 3), "cog": round(float(gnss.course_deg[k]), 2)}
         dop = round(float(gnss.pdop[k]), 2)
         part = round(dop / 2**0.5, 2)  # the PDOP's square is the sum of theirs
         gga = {"quality": int(has), "numSV": 8 * has, "HDOP": part, "altUnit": "M", "sepUnit": "M"}
         gga |= {"diffAge": "", "diffStation": ""}
-        gga |= {"alt": round(float(gnss.height_m[k]), 1), "sep": 0.0} if has else {}
+        if has:
+            lat, lon = float(gnss.lat_deg[k]), float(gnss.lon_deg[k])
+            when |= {"lat": lat, "NS": "NS"[lat < 0], "lon": lon, "EW": "EW"[lon < 0]}
+            knots = float(gnss.speed_m_s[k]) / 0.514444
+            rmc |= {"spd": round(knots, 3), "cog": round(float(gnss.course_deg[k]), 2)}
+            gga |= {"alt": round(float(gnss.height_m[k]), 1), "sep": 0.0}
         gsa = {"opMode": "A", "navMode": 3 if has else 1, "PDOP": dop, "HDOP": part, "VDOP": part}
         gsa |= {f"svid_{i:02}": i if has and i <= 8 else "" for i in range(1, 13)}
         for kind, fields in (("RMC", when | rmc), ("GGA", when | gga), ("GSA", gsa)):

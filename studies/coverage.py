@@ -304,9 +304,8 @@ def characterised(one, *, model, dt, kind, hours):
     """
     run, rng = one[0], np.random.default_rng(one[1])
     y = model.simulate(round(3600 * hours / dt), dt, rng)
-    told = dict.fromkeys(("name", "title", "file", "sha256", "licence", "source"), "")
     channels, samples = (Channel("gyro", "deg/s", kind, y),), int(np.isfinite(y).sum())
-    log = Log(**told, rate_hz=1 / dt, channels=channels, samples=samples, gaps=0, repairs=())
+    log = Log(rate_hz=1 / dt, channels=channels, samples=samples)
     try:
         result = static_logs.characterise(log, seed=int(rng.integers(2**32)), progress=False)
     except CannotAnswer:
@@ -352,18 +351,13 @@ def broken_summary(rows):
         with a value whose interval does not hold the truth), unsaid (share of the logs with such a
         value and no warning); first, the value of log 0.
     """
-    runs, held = rows["run"].nunique(), rows["truth"].between(rows["low"], rows["high"])
-    wrong = rows["value"].notna() & ~held
-    judged = rows.assign(wrong=wrong, unsaid=wrong & ~rows["warned"])
-    table = judged.groupby("parameter", sort=False).agg(
-        truth=("truth", "median"),
-        runs=("run", lambda _: runs),
-        resolved=("value", lambda values: values.count() / runs),
-        wrong=("wrong", lambda yes: yes.sum() / runs),
-        unsaid=("unsaid", lambda yes: yes.sum() / runs),
-        first=("value", lambda values: values.iloc[0]),
-    )
-    return table.reset_index()
+    runs, given = rows["run"].nunique(), rows["value"].notna()
+    wrong = given & ~rows["truth"].between(rows["low"], rows["high"])
+    judged = rows.assign(runs=runs, resolved=given, wrong=wrong, unsaid=wrong & ~rows["warned"])
+    of = judged.groupby("parameter", sort=False)
+    shares = of[["resolved", "wrong", "unsaid"]].sum() / runs
+    first = of["value"].agg(lambda values: values.iloc[0])
+    return of[["truth", "runs"]].median().join(shares).assign(first=first).reset_index()
 
 
 def plan():

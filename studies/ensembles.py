@@ -12,18 +12,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from analysis import store
-from analysis.noise import (
-    NoiseLikelihood,
-    TerrainRecipe,
-    cep,
-    correlogram,
-    fit_line,
-    models_of_table_one,
-    nearer_to_gaussian,
-    outliers,
-    simulate_fixes,
-)
+from analysis import noise, store
 from analysis.noise.allan import cluster_sizes, overlapped_variance
 from analysis.noise.models import gauss_markov
 from studies.cells import Cell, tabulate
@@ -41,10 +30,8 @@ FITTED = 100  # logs of the terrain paper's sensor that are fitted too; no verdi
 TERRAIN_WINDOW_S = 10.0  # averages whose autocorrelation is taken; the paper does not say
 LONGER_HOURS = (2, 8)
 FLIGHT_DT = 0.25  # s: every fifth of the comparison paper's 20 Hz
-MANOEUVRES = (
-    1429.0,
-    1906.0,
-)  # s, from the begin of the turns to the end of the pushovers (section VII)
+# s, from the begin of the turns to the end of the pushovers (section VII)
+MANOEUVRES = 1429.0, 1906.0
 POINTS = 40  # of the Allan curve of the bias alone
 
 
@@ -64,13 +51,13 @@ def of_channel(model, stream):
     """
     dt = 1 / RATE_HZ
     y = model.simulate(round(DURATION_S / dt), dt, np.random.default_rng(stream))
-    residual = fit_line(y, dt)[0]
+    residual = noise.fit_line(y, dt)[0]
     found = {"short_std": residual[: round(SHORT_S / dt)].std(ddof=1)}
     if model.drift:
-        found["gaussian"] = nearer_to_gaussian(y)
+        found["gaussian"] = noise.nearer_to_gaussian(y)
     if np.isinf(model.corr_time):
         return found
-    read = [correlogram(residual, dt, window) for window in WINDOWS_S]
+    read = [noise.correlogram(residual, dt, window) for window in WINDOWS_S]
     for name in ("corr_time", "sigma_b"):
         values = np.array([getattr(one, name) for one in read])
         found[f"{name}_by_window"] = np.nan_to_num(values.max() / values.min(), nan=np.inf)
@@ -85,7 +72,7 @@ def unified_fit(means, dt, *, detrend=True):
     -------
     NoiseLikelihood, Fit
     """
-    likelihood = NoiseLikelihood.of_log(means, dt, averaged=round(1 / dt), detrend=detrend)
+    likelihood = noise.NoiseLikelihood.of_log(means, dt, averaged=round(1 / dt), detrend=detrend)
     return likelihood, likelihood.fit()
 
 
@@ -106,9 +93,9 @@ def of_longer_log(model, stream):
 def of_receiver(radius, differential, stream):
     """Give the ``cep`` of one static log of a receiver with that CEP, m, outliers left out."""
     rng = np.random.default_rng(stream)
-    fixes = simulate_fixes(radius, round(DURATION_S), 1.0, rng, differential=differential)
-    good = ~outliers(*fixes.values())
-    e = cep(fixes["north"][good], fixes["east"][good])
+    fixes = noise.simulate_fixes(radius, round(DURATION_S), 1.0, rng, differential=differential)
+    good = ~noise.outliers(*fixes.values())
+    e = noise.cep(fixes["north"][good], fixes["east"][good])
     return {"cep": (e.value, e.low, e.high)}
 
 
@@ -161,7 +148,7 @@ def by_recipe(stream):
     """
     y, found = terrain_log(stream), {}
     for hours in TERRAIN_HOURS:
-        r = TerrainRecipe.of_log(y[: 3600 * hours], 1.0, TERRAIN_WINDOW_S)
+        r = noise.TerrainRecipe.of_log(y[: 3600 * hours], 1.0, TERRAIN_WINDOW_S)
         found |= {f"{name}_{hours}h": getattr(r, name) for name in ("arw", "top", "corr_time")}
     return found
 
@@ -182,7 +169,7 @@ def subjects():
     -------
     dict of str, (function, int)
     """
-    models = models_of_table_one(store.published("comparison-table-1"))
+    models = noise.models_of_table_one(store.published("comparison-table-1"))
     jobs = {name: (partial(of_channel, model), LOGS) for name, model in models.items()}
     jobs["midg-roll-longer"] = (partial(of_longer_log, models["midg-roll"]), LOGS)
     for row in store.published("comparison-cep").itertuples():

@@ -23,15 +23,7 @@ from analysis.tracker.motion import time_lag, vehicle
 from analysis.tracker.scenarios import scenario
 from sensorlogs import datasets, read_moving
 from sensorlogs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu
-from studies import seed
-from studies.drives import (
-    bridged,
-    errors_by_later_fixes,
-    mounting_regression,
-    receiver_operating,
-    rest_statistics,
-    starts_of_a_drive,
-)
+from studies import drives, seed
 
 KMH = 1 / 3.6
 NMEA_DRIVES = {
@@ -269,8 +261,8 @@ def stops():
         ``each``: for each stop of a real ride of over five epochs the median of each statistic;
         ``bias``: mean rate of each gyro axis in the first and the last stop (deg/s).
     """
-    drives = np.random.default_rng(SEED).spawn(SIMULATED)
-    simulated = [scenario("D", rng) for rng in drives]
+    streams = np.random.default_rng(SEED).spawn(SIMULATED)
+    simulated = [scenario("D", rng) for rng in streams]
     cases = {SIMULATION: [(ride.log, ride.speed_m_s) for ride in simulated]}
     cases |= {name: [(log := read(name), log.gnss.speed_m_s)] for name in STANDING}
     verdicts, curves, each, biases = [], [], [], []
@@ -279,7 +271,7 @@ def stops():
         for log, speed in rides_of:
             stopped = (speed < floor) & (np.r_[np.inf, speed[:-1]] < floor)
             moving = (speed > 1.0) & (np.r_[0.0, speed[:-1]] > 1.0)
-            scores.append(rest_statistics(log).assign(stopped=stopped, moving=moving))
+            scores.append(drives.rest_statistics(log).assign(stopped=stopped, moving=moving))
             for test, options in RESTS.items():
                 static = replay(log, options).columns["moving"] == 0
                 counts = stopped, moving, static & stopped, static & moving
@@ -290,7 +282,7 @@ def stops():
         every = pd.concat(scores)
         truth = every["stopped"].to_numpy(), every["moving"].to_numpy()
         for rule in every.columns.drop(["speed_m_s", "stopped", "moving"]):
-            curve = receiver_operating(every[rule].to_numpy(), *truth)
+            curve = drives.receiver_operating(every[rule].to_numpy(), *truth)
             curves.append(curve.assign(ride=name, rule=rule))
         if name in STANDING:
             spells = _spells(stopped)
@@ -332,7 +324,7 @@ def outages():
         `outage_errors`, what is put out in an outage against the fixes taken away.
     """
     rides = {name: read(name) for name in WHEELS}
-    ends = [bridged(of).assign(ride=name) for name, of in rides.items()]
+    ends = [drives.bridged(of).assign(ride=name) for name, of in rides.items()]
     tables = {"ends": pd.concat(ends, ignore_index=True), "smoothed": _looked_back(rides)}
     title = "Outages of 10, 30 and 60 s on the rides of four cars"
     source = {"title": title} | datasets.origin(*(RIDES[name].file for name in WHEELS))
@@ -415,8 +407,8 @@ def starts():
     tables, fixes, notes = [], [], []
     for name, file in NMEA_DRIVES.items():
         log = read_moving([datasets.path(file)])
-        gnss, off = log.gnss, errors_by_later_fixes(log.gnss)
-        tables.append(starts_of_a_drive(gnss, START_EVERY_S[name]).assign(log=name))
+        gnss, off = log.gnss, drives.errors_by_later_fixes(log.gnss)
+        tables.append(drives.starts_of_a_drive(gnss, START_EVERY_S[name]).assign(log=name))
         flat, known = gnss.mode < 3, np.isfinite(off)
         kinds = {
             "two dimensions, PDOP to 10": flat & (gnss.pdop <= 10),
@@ -452,7 +444,7 @@ def turned(name):
     """
     log = read(name)
     gnss = log.gnss
-    whole = mounting_regression(gnss, log.imu, np.random.default_rng(SEED))
+    whole = drives.mounting_regression(gnss, log.imu, np.random.default_rng(SEED))
     down = -np.median(log.imu.accel_b, axis=0)
     rows = []
     for angle in np.arange(0.0, 360.0, STEP_DEG):

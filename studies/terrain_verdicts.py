@@ -11,12 +11,8 @@ from analysis import store, terrain_data
 from analysis.terrain.open_choices import FACTORS, Interpretation
 from studies import seed
 
-SEED, LAPS, DRAWS = (
-    seed(2026),
-    4200,
-    200,
-)  # laps of each sensor; draws of the gyros on each real lap
-RESAMPLES = 2000
+SEED, RESAMPLES = seed(2026), 2000
+LAPS, DRAWS = 4200, 200  # of each sensor; of the gyros on each real lap
 ELSEWHERE = "terrain-sampling-rate-matters"  # notebook 22 judges it
 
 
@@ -32,18 +28,15 @@ def verdicts():
     """
     roads = terrain_data.roads()
     laps = {name: terrain_data.lap_and_map(name) for name in terrain_data.laps()}
-    parts, same = [], {"seed": SEED, "resamples": RESAMPLES}
+    found, same = {}, {"seed": SEED, "resamples": RESAMPLES}
     for times in tqdm(FACTORS["R_times"], unit="R", disable=None):
         on_attitude = Interpretation(noise="on attitude", R_times=times)
-        found = {"paper": roads.evaluate(on_attitude, laps=LAPS, **same)}
-        found["car"] = roads.evaluate_real(laps, Interpretation(R_times=times), draws=DRAWS, **same)
-        parts += [
-            of.drop(columns="inside", index=ELSEWHERE).rename_axis("claim").reset_index()
-            .assign(setting=setting, R_times=times)
-            for setting, of in found.items()
-        ]  # fmt: skip
-    columns = ["setting", "R_times", "claim", "value", "low", "high"]
-    table = pd.concat(parts)[columns].sort_values(columns[:2], kind="stable", ignore_index=True)
+        as_a_car = Interpretation(R_times=times)
+        found["paper", times] = roads.evaluate(on_attitude, laps=LAPS, **same)
+        found["car", times] = roads.evaluate_real(laps, as_a_car, draws=DRAWS, **same)
+    table = pd.concat(found, names=["setting", "R_times", "claim"]).drop(columns="inside")
+    table = table.drop(ELSEWHERE, level="claim").reset_index()
+    table = table.sort_values(["setting", "R_times"], kind="stable", ignore_index=True)
     source = {
         "title": "Claims of the terrain paper as it most likely did, and as a car does",
         "seed": SEED,

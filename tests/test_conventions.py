@@ -7,9 +7,8 @@ from scipy.signal import welch
 
 from analysis import ROOT
 from analysis.noise.models import UnifiedModel, adev_gauss_markov, gauss_markov
+from sensorlogs.columns import IN_SI
 from workbench import conventions as c
-
-PAGE = ROOT / "analysis" / "noise" / "README.md"
 
 
 def test_one_and_two_sided_densities():
@@ -51,7 +50,8 @@ def test_hump_and_floor():
 
 def test_the_page_has_the_numbers_of_the_functions():
     """Property: the table on the page is what side_by_side gives for the example."""
-    text, values = PAGE.read_text(encoding="utf-8"), c.side_by_side(**c.EXAMPLE)
+    text = (ROOT / "analysis/noise/README.md").read_text(encoding="utf-8")
+    values = c.side_by_side(**c.EXAMPLE)
     table = c.table({"value": values}, c.EXAMPLE["dt"], "°/s")
     assert f"<!-- table: conventions.table -->\n{table}\n<!-- end of table -->" in text
     opening = [values[k] for k in ("N", "N_per_root_hour", "one_sided", "sample")]
@@ -64,7 +64,7 @@ def test_the_page_has_the_numbers_of_the_functions():
 def test_units_are_those_of_scipy():
     """Property: the one table of units, by which logs are read and exports written."""
     for unit, of in (("deg/s", degree), ("deg/h", degree / 3600), ("g", g), ("mg", g / 1000)):
-        assert c.SI[unit][0] == pytest.approx(of, rel=1e-15)
+        assert IN_SI[unit] == pytest.approx(of, rel=1e-15)
 
 
 def test_unknown_stays_unknown():

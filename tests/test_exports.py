@@ -16,7 +16,7 @@ from analysis.noise.inference import infer
 from analysis.noise.models import UnifiedModel
 from analysis.noise.parameters import random_walk_unit
 from analysis.static_logs import stored
-from workbench import conventions, exports
+from workbench import exports
 
 RATE, HOURS = 10.0, 6.0
 DT = 1 / RATE
@@ -44,7 +44,7 @@ def channel(sensor="gyroscope", axis="x", white=1e-4, sigma_b=None, corr_time=No
     """Write a channel of model.json in any unit, from values in SI."""
     name, kind, walk = NAMES[sensor]
     unit = more.get("unit", UNITS[sensor])
-    size = conventions.SI[unit][0]
+    size = exports.IN_SI[unit]
     own = [None if v is None else v / size for v in (white, sigma_b, more.get("rrw"))]
     bound = 9.0 / size
     parameters = {

@@ -93,10 +93,10 @@ def test_the_static_stretches_are_found():
 def test_a_slow_turn_is_doubted():
     """Property: 12 deg/s may be an offset or a turn, which is said; 4.5 deg/s is an offset."""
     channels = [Channel(f"gyro_{k}", "deg/s", "rate", y) for k, y in enumerate(GYRO.T)]
-    about = ("a", "a", "a.csv", "", RATE, tuple(channels), N, 0, (), "", "")
-    assert static_logs.standstill.static_part(Log(*about)).repairs == ()
+    about = {"rate_hz": RATE, "samples": N}
+    assert static_logs.standstill.static_part(Log(channels=tuple(channels), **about)).repairs == ()
     faster = (*channels[:2], Channel("gyro_2", "deg/s", "rate", GYRO[:, 2] + 12))
-    doubt = static_logs.standstill.static_part(Log(*about[:5], faster, *about[6:])).repairs[0]
+    doubt = static_logs.standstill.static_part(Log(channels=faster, **about)).repairs[0]
     assert "a large offset at rest, or a steady turn, which this log cannot tell" in doubt
 
 
@@ -196,7 +196,7 @@ def test_a_cut_keeps_the_time_of_the_file(tmp_path):
 def test_angles_and_positions_are_taken_as_static():
     """Property: without gyros and accelerometers nothing is cut."""
     roll = Channel("roll", "deg", "angle", 10 * np.sin(T / 50))
-    log = Log("a", "a", "a.csv", "", RATE, (roll,), N, 0, (), "", "")
+    log = Log(rate_hz=RATE, channels=(roll,), samples=N)
     assert static_logs.standstill.static_part(log) is log
 
 
@@ -207,7 +207,7 @@ def receiver(velocity, seconds=900, seed=5):
     east = wander + 0.3 * rng.standard_normal(seconds) + np.cumsum(velocity * np.ones(seconds))
     axes = {"north": 0.3 * rng.standard_normal(seconds), "east": east, "down": 0.0 * t}
     channels = tuple(Channel(name, "m", "position", y) for name, y in axes.items())
-    return Log("a", "a", "a.csv", "", 1.0, channels, seconds, 0, (), "", "", "my logs/a.csv")
+    return Log(rate_hz=1.0, channels=channels, samples=seconds, given="my logs/a.csv")
 
 
 def test_a_receiver_in_motion_is_no_static_log():

@@ -12,6 +12,7 @@ from analysis.noise.channel import ChannelNoise, joined, remarks
 from analysis.static_logs.processes import in_processes
 from analysis.static_logs.standstill import static_part
 from analysis.store import rounded_number
+from sensorlogs import grouped
 from sensorlogs.static import Log
 
 SEED = 20080505
@@ -68,10 +69,7 @@ def characterise(log: Log, *, seed: int = SEED, progress: bool = True) -> Static
         unit="channel",
         disable=None if progress else True,
     )
-    said: dict[str, list[str]] = {}
-    for c in log.channels:
-        for sentence in remarks(c.values, log.dt, c.kind):
-            said.setdefault(sentence, []).append(c.name)
+    said = grouped((s, c.name) for c in log.channels for s in remarks(c.values, log.dt, c.kind))
     noticed = [f"{', '.join(names)}: {sentence}" for sentence, names in said.items()]
     channels = joined(channels, len(log.channels[0].values) * log.dt)
     return StaticResult(log_source(log, noticed) | {"seed": seed}, channels)

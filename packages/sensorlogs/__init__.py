@@ -64,6 +64,14 @@ def wrap(angle, turn=360.0):
     return turn / 2 - (turn / 2 - angle) % turn
 
 
+def grouped(pairs):
+    """Collect the values of each key of some pairs, in their order: key -> list."""
+    found = {}
+    for key, value in pairs:
+        found.setdefault(key, []).append(value)
+    return found
+
+
 def counted(number: int, noun: str) -> str:
     """Write a number with its noun: ``1 gap``, ``3 gaps``."""
     return f"{number:,} {noun}{'' if number == 1 else 's'}"

@@ -61,7 +61,7 @@ def gunzip(path: Path) -> Path:
             size += len(block)
             if size > LIMIT:
                 handle.truncate(0)
-                raise _too_large(path, LIMIT)
+                raise _too_large(path)
             handle.write(block)
             shown.update(len(block))
     return target
@@ -69,7 +69,7 @@ def gunzip(path: Path) -> Path:
 
 def unzip(path: Path) -> Path:
     """Unpack a zip file into a folder of its own in the temporary folder."""
-    members = check_zip(path, LIMIT)
+    members = check_zip(path)
     target = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name
     target.mkdir()
     with reading(path, "a packed file"), zipfile.ZipFile(path) as packed:
@@ -87,7 +87,7 @@ def spreadsheet(path: Path) -> list[Part]:
     from python_calamine import CalamineWorkbook
 
     if zipfile.is_zipfile(path):
-        check_zip(path, LIMIT)
+        check_zip(path)
     target, parts, empty = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name, [], []
     target.mkdir()
     with reading(path, "a spreadsheet", "python-calamine", "save it again, or as CSV"):
@@ -106,9 +106,9 @@ def spreadsheet(path: Path) -> list[Part]:
     return parts
 
 
-def _too_large(path: Path, limit: int) -> CannotAnswer:
+def _too_large(path: Path) -> CannotAnswer:
     """Refuse what would fill the disk."""
-    return CannotAnswer(f"{path.name}: unpacks to more than {limit / 1e9:.0f} GB: do it by hand")
+    return CannotAnswer(f"{path.name}: unpacks to more than {LIMIT / 1e9:.0f} GB: do it by hand")
 
 
 def _is_side(path: Path) -> bool:
@@ -128,8 +128,6 @@ def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
     ]
     if len(inside) > FILES:
         raise WrongUsage(f"{path.name} has more than {FILES} files: name the log file in it")
-    if not inside:
-        raise WrongUsage(f"{path.name}: no log file in it: name one")
     parts: list[Part] = []
     errors: list[CannotAnswer | WrongUsage] = []
     for file in inside:
@@ -143,7 +141,7 @@ def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
             name = stem if len(found) == 1 else f"{stem}/{part.name}"
             parts.append(replace(part, name=name))
     if not parts:
-        raise errors[0]
+        raise next(iter(errors), WrongUsage(f"{path.name}: no log file in it: name one"))
     return parts
 
 
@@ -195,13 +193,13 @@ def _renamed(part: Part, names: dict[str, str], gravity: Part | None, turned: bo
     return replace(table, frame=frame, layout=None, repairs=(*table.repairs, *notes))
 
 
-def check_zip(path: Path, limit: int) -> list[zipfile.ZipInfo]:
-    """List the files of a zip; refuse what unpacks to more than a limit."""
+def check_zip(path: Path) -> list[zipfile.ZipInfo]:
+    """List the files of a zip; refuse what unpacks to more than `LIMIT`."""
     with reading(path, "a zip file"), zipfile.ZipFile(path) as packed:
         members = [m for m in packed.infolist() if not m.is_dir()]
     size = sum(member.file_size for member in members)
-    if size > limit:
-        raise _too_large(path, limit)
+    if size > LIMIT:
+        raise _too_large(path)
     if any(member.flag_bits & 1 for member in members):
         raise CannotAnswer(f"{path.name}: the zip has a password: unpack it by hand")
     return members

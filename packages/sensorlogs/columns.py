@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from sensorlogs import IN_DEG_S, IN_M_S2, STANDARD_GRAVITY, WrongUsage, times
+from sensorlogs import IN_DEG_S, IN_M_S2, STANDARD_GRAVITY, WrongUsage, grouped, times
 from sensorlogs.names import NAMES
 
 KIND_OF_UNIT = {unit: said["kind"] for unit, said in NAMES["units"].items()}
@@ -220,14 +220,12 @@ def recognise(name: str) -> Column:
     axis = next((word for word in said[:-3:-1] if word in AXES), None)
     of = kind or KIND_OF_UNIT.get(unit or "")
     quantity = f"{FLAG[of]}_{axis}" if of in ("rate", "accel") and axis and not other else None
-    for what, pattern in NAMES["moving"].items():
-        if re.fullmatch(pattern, "_".join(said)):
-            quantity = what
-            break
+    moving = NAMES["moving"]
+    quantity = next((q for q in moving if re.fullmatch(moving[q], "_".join(said))), quantity)
     for start, end in [] if unit else _ends(name):
         for what, units in _OWN_UNITS.items():
             own = units.get(_plain(end))
-            if own and re.fullmatch(NAMES["moving"][what], "_".join(words(start))):
+            if own and re.fullmatch(moving[what], "_".join(words(start))):
                 quantity, unit = what, own
     quantity = "time" if times.is_time(name) else quantity
     return Column(unit, tuple(said), kind, other, quantity)
@@ -290,10 +288,11 @@ def contents(frame: pd.DataFrame) -> dict[str, str]:
         return found
     steps, whole = np.diff(head, axis=0), (head == np.round(head)).all(axis=0)
     means = head.mean(axis=0)
-    for j, name in enumerate(names):
-        if whole[j] and np.mean(steps[:, j] == 1) > 0.9:
+    for name, step, counts in zip(names, steps.T, whole, strict=True):
+        if counts and np.mean(step == 1) > 0.9:
             found[name] = "a counter: it steps by 1"
-        elif (steps[:, j] > 0).all() or (whole[j] and _ticks(steps[:, j])):
+        # A coarse clock is often still, and never goes back.
+        elif (step > 0).all() or (counts and (step >= 0).all() and np.count_nonzero(step) > 2):
             found[name] = "a time or counter: it never falls"
     for j in range(len(names) - 2):
         three = names[j : j + 3]
@@ -304,11 +303,6 @@ def contents(frame: pd.DataFrame) -> dict[str, str]:
                 if np.sqrt(np.mean((head[:, k] - norm) ** 2)) < least:
                     found[names[k]] = f"the norm of {', '.join(three)}"
     return found
-
-
-def _ticks(steps: np.ndarray) -> bool:
-    """Tell whether whole numbers climb as a coarse clock does: often still, never back."""
-    return bool((steps >= 0).all() and np.count_nonzero(steps) > 2)
 
 
 def gravity_unit(norm: float, within: float = 0.2) -> str | None:
@@ -391,7 +385,8 @@ def choose(
     """
     if kind is not None and kind not in FLAG:
         raise WrongUsage(f"--kind {kind} is not one of {', '.join(FLAG)}")
-    units, scales = given_units(unit, kind), given_scales(scale)
+    units = given_units(unit, kind)
+    scales = {its: fraction(text) for its, text in per_kind(scale, "scale").items()}
     wanted = [resolve(c, list(frame), file) for c in columns] if columns else None
     kinds, left_out = _kinds(frame, file, wanted, kind, units)
     found, notes = [], []
@@ -425,9 +420,8 @@ def choose(
             f"{file}: {' '.join(options) or 'no unit that is known'} fits none of the columns "
             f"{', '.join(frame)}: leave it out, or state their unit with --unit or in the header"
         )
-    for each in dict.fromkeys(c.kind for c in chosen):
-        names = [c.column for c in chosen if c.kind == each]
-        its_unit = next(c.unit for c in chosen if c.kind == each)
+    for each, alike in grouped((c.kind, c) for c in chosen).items():
+        names, its_unit = [c.column for c in alike], alike[0].unit
         if not scales.keys() & {each, None} and _counts(frame, names, its_unit):
             raise WrongUsage(
                 f"{file}, columns {', '.join(names)}: whole numbers only: these look like raw "
@@ -439,7 +433,7 @@ def choose(
     if not (kind or "rate" in units):
         _check_gyros(frame, file, chosen)
     if left_out := left_out | no_unit:
-        reasons = {w: [n for n, its in left_out.items() if its == w] for w in left_out.values()}
+        reasons = grouped((why, name) for name, why in left_out.items())
         listed = ", ".join(f"{', '.join(names)} ({why})" for why, names in reasons.items())
         notes.append(f"columns left out: {listed}; --columns takes such a column all the same")
     doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
@@ -484,9 +478,7 @@ def _check_gyros(frame, file, chosen) -> None:
 
 def _check_flags(file, found, given, flags) -> None:
     """Refuse a bare unit or scale for columns of several kinds, and one for a kind not there."""
-    groups: dict[str, list[str]] = {}
-    for choice in found:
-        groups.setdefault(choice.kind, []).append(choice.column)
+    groups = grouped((choice.kind, choice.column) for choice in found)
     for flag, text, each in given:
         if None in each and len(groups) > 1:
             has = " and ".join(f"{FLAG[its]} ({', '.join(of)})" for its, of in groups.items())
@@ -500,11 +492,6 @@ def _check_flags(file, found, given, flags) -> None:
                 f"{file}: --{flag} {FLAG[absent]}= fits none of the columns chosen: leave it out, "
                 "or choose with --columns"
             )
-
-
-def given_scales(scale: str | None) -> dict[str | None, float]:
-    """Read the scales given for each kind; a bare one has the kind None."""
-    return {kind: fraction(text) for kind, text in per_kind(scale, "scale").items()}
 
 
 def given_units(unit: str | None, kind: str | None = None) -> dict[str | None, str]:
@@ -694,9 +681,7 @@ def temperature(frame: pd.DataFrame, names: Sequence[str]) -> tuple[str, np.ndar
         Column and its values in deg C, NaN where there is none; None if there is no such column, or
         it is in counts or in another unit.
     """
-    for name in names:
-        if recognise(name).other != "a temperature":
-            continue
+    for name in (n for n in names if recognise(n).other == "a temperature"):
         values = frame[name].to_numpy(dtype=float)
         unit = _BRACKETS.match(name)
         last = (unit["unit"] if unit else words(name)[-1]).lower().removeprefix("deg").strip("° ")

@@ -369,8 +369,6 @@ def _line_by_line(path: Path, layout: Layout, is_cut: bool) -> pd.DataFrame:
                 f"{path.name}, line {number}, {error}; correct or empty it, or cut the file before "
                 "that line"
             ) from None
-    if not rows:
-        raise CannotAnswer(f"{path.name}: no data after line {layout.header_lines}")
     return pd.DataFrame(rows, columns=list(layout.names))
 
 

@@ -4,7 +4,6 @@ Arrays of equal length in one group (a MATLAB struct, an HDF5 group, an npz file
 one table: ``t``, ``gx``, ``gy``, ``gz``, or ``t`` and a matrix ``gyro`` with three columns.
 """
 
-import contextlib
 import json
 import warnings
 import zipfile
@@ -18,7 +17,7 @@ import pandas as pd
 import scipy.io
 
 from sensorlogs import CannotAnswer
-from sensorlogs.archives import LIMIT, check_zip
+from sensorlogs.archives import check_zip
 from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, check_size, content
 from sensorlogs.integrity import INTACT, reading, state
@@ -72,14 +71,8 @@ def mat5(path: Path) -> list[Part]:
     for name, value in content.items():
         if not name.startswith("__"):
             visit(name, value, "")
-    return _grouped(path, groups, opaque)
-
-
-@contextlib.contextmanager
-def open_mat73(path: Path) -> Iterator[h5py.File]:
-    """Open a MATLAB v7.3 (HDF5) file; an error becomes `CannotAnswer`."""
-    with reading(path, HDF5, "h5py"), h5py.File(path) as file:
-        yield file
+    only = f"{', '.join(opaque[:3])}: a MATLAB table or object, which only MATLAB reads; "
+    return _grouped(path, groups, why=only if opaque else "")
 
 
 def hdf5(path: Path) -> list[Part]:
@@ -103,14 +96,14 @@ def hdf5(path: Path) -> list[Part]:
 
     with reading(path, HDF5, "h5py"):
         h5py.File(path).visititems(visit)
-    return _grouped(path, groups, [], units)
+    return _grouped(path, groups, units)
 
 
 def numpy_file(path: Path) -> list[Part]:
     """List the tables of an npy or npz file."""
     with reading(path, "a NumPy file", "numpy"):
         if zipfile.is_zipfile(path):
-            check_zip(path, LIMIT)
+            check_zip(path)
             with np.load(path, allow_pickle=False) as file:
                 members = {name: file[name] for name in file.files}
         else:
@@ -124,7 +117,7 @@ def numpy_file(path: Path) -> list[Part]:
             groups[""] = {f"c{j + 1}": wide[:, j] for j in range(wide.shape[1])}
         elif value.dtype.kind in "fiub":
             groups.setdefault("", {})[name] = value
-    return _grouped(path, groups, [])
+    return _grouped(path, groups)
 
 
 def rda(path: Path) -> list[Part]:
@@ -166,7 +159,7 @@ def json_lines(path: Path) -> list[Part]:
         first = frame.iloc[0] if found else {}
         arrays = {n: np.array(c, float) for n, c in first.items() if _is_long(c)}
         if arrays:
-            return _grouped(path, {"": arrays}, [])
+            return _grouped(path, {"": arrays})
         sensors = pd.Series("lines", frame.index)
         if "sensor" in frame and (named := frame["sensor"].map(type).eq(str)).any():
             sensors = frame.pop("sensor").where(named, "lines")
@@ -244,8 +237,8 @@ def _axes(count: int) -> Sequence[str]:
 def _grouped(
     path: Path,
     groups: dict[str, dict[str, Any]],
-    opaque: list[str],
     units: dict[str, dict[str, str]] | None = None,
+    why: str = "",
 ) -> list[Part]:
     """Make one table of the arrays of equal length in each group; scalars are no columns."""
     parts = []
@@ -260,9 +253,6 @@ def _grouped(
             parts.append(_matrix_part(path, label, mine, rows, (units or {}).get(group, {})))
     if parts:
         return parts
-    why = ""
-    if opaque:
-        why = f"{', '.join(opaque[:3])}: a MATLAB table or object, which only MATLAB reads; "
     raise CannotAnswer(f"{path.name}: no matrix of numbers in it; {why}save plain vectors, or CSV")
 
 

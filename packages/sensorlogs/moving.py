@@ -406,14 +406,12 @@ class _Rows:
         self.notes += [f"{self.file}: {note}" for note in notes]
         readings = self.table.frame[names].to_numpy(dtype=float)
         rows = np.flatnonzero(np.isfinite(readings).all(axis=1) & np.isfinite(self.t))
-        if not rows.size:
-            raise CannotAnswer(f"{self.file}: no row has all six IMU readings and a time")
+        if len(rows) < 2:
+            raise CannotAnswer(f"{self.file}: no two rows have all six IMU readings and a time")
         if len(rows) < len(readings) and "lat" not in self.names:
             share = 1 - len(rows) / len(readings)
             self.notes.append(f"{self.file}: {share:.1%} of the IMU rows lack a reading, left out")
         rows = self.rising(rows, self.notes, IMU_GAPS)
-        if len(rows) < 2:
-            raise CannotAnswer(f"{self.file}: a single IMU sample")
         if [c.kind for c in chosen] != _SIX:
             raise WrongUsage(
                 f"{self.file}, columns {', '.join(names)}: their units are not those of gyros and "

@@ -3,12 +3,14 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pandas as pd
 import pymap3d
 
 from sensorlogs import CannotAnswer
-from sensorlogs.matrices import mat5, open_mat73
+from sensorlogs.integrity import reading
+from sensorlogs.matrices import HDF5, mat5
 
 ANTENNAS = ("Front", "LeftRear", "RightRear")
 RTK_FIXED = 6  # this receiver's DGPS_mode with carrier ambiguities fixed; in NMEA it is 4
@@ -59,7 +61,7 @@ def lap(path: Path, origin: tuple[float, float]) -> RtkLap:
     CannotAnswer
         If the file, an antenna, its RTK fixes or the encoders are missing.
     """
-    with open_mat73(path) as file:
+    with reading(path, HDF5, "h5py"), h5py.File(path) as file:
         raw = file.get("rawData", {})
         receivers = [_receiver(raw, name, path, origin) for name in ANTENNAS]
         wheel_t, left, right = _columns(raw, "Encoder_Raw", "wheel encoder", WHEELS, path)

@@ -34,6 +34,7 @@ DEFINED = "its message definition"
 _ROS = NAMES["ros"]
 _ULOG = NAMES["ulog"] | dict.fromkeys(("vehicle_gps_position", "sensor_gps"), NAMES["ulog_gps"])
 _ULOG_SIDE = re.compile("timestamp|device_id|integral_dt|clip|count|magnetometer|baro")
+_PVT = NAMES["nav_pvt"]
 _PAGE = 528  # bytes without messages that the end of a DataFlash log may have
 _PRIMARY = re.compile(r"(IMU|GYR|ACC|GPS)\d?|ATT")
 _UBX = re.compile(rb"\xb5\x62(?:\x01\x07|\x10[\x02\x03])")  # NAV-PVT, ESF-MEAS, ESF-RAW
@@ -311,13 +312,7 @@ def _ubx_rows(message: Any) -> Iterator[dict[str, float]]:
         start = calendar.timegm(date) if known else np.nan
         yield {
             "t_s": start + 1e-9 * message.nano,
-            "t_ms": message.iTOW,
-            "lat_deg": message.lat,
-            "lon_deg": message.lon,
-            "height_m": message.hMSL / 1000,
-            "speed_m_s": message.gSpeed / 1000,
-            "course_deg": message.headMot,
-            "pdop": message.pDOP,
+            **{ours: getattr(message, field) / per for field, (ours, per) in _PVT.items()},
             "fix": float(message.fixType in (2, 3, 4) and message.gnssFixOk),
         }
         return

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from sensorlogs import CannotAnswer, WrongUsage, columns, counted, datasets, formats, times
+from sensorlogs import CannotAnswer, WrongUsage, columns, counted, datasets, formats, grouped, times
 from sensorlogs.catalogue import check_unit, find
 from sensorlogs.columns import Choice
 from sensorlogs.delimited import Table, printable
@@ -51,7 +51,7 @@ class Channel:
     values: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Log:
     """A log on a uniform time grid.
 
@@ -80,17 +80,17 @@ class Log:
         Start and end of the stretch that `between` cut out, likewise.
     """
 
-    name: str
-    title: str
-    file: str
-    sha256: str
+    name: str = ""
+    title: str = ""
+    file: str = ""
+    sha256: str = ""
     rate_hz: float
     channels: tuple[Channel, ...]
     samples: int
-    gaps: int
-    repairs: tuple[str, ...]
-    licence: str
-    source: str
+    gaps: int = 0
+    repairs: tuple[str, ...] = ()
+    licence: str = ""
+    source: str = ""
     given: str = ""
     temperature: np.ndarray | None = None
     start_s: float = 0.0
@@ -188,13 +188,12 @@ def read(
     rows = replace(rows, frame=formats.about_the_mean(rows.frame, "channels" in option))
     with np.errstate(over="ignore", invalid="ignore"):  # garbage is refused below, with its place
         chosen, left, temperature = _choices(rows, time_column, stanza, columns, option)
-    repairs = [*([stanza["note"]] if "note" in stanza else []), *rows.repairs, *notes, *left]
-    repairs += grid.repairs
     said: list[str] = []
     lost: list[tuple] = []
     zeros = _zeros(rows.frame, chosen)
     channels = tuple(_channel(rows, grid, zeros, choice, said, lost) for choice in chosen)
-    repairs += [*_missing(rows, lost), *said]
+    stated = [stanza["note"]] if "note" in stanza else []
+    repairs = (*stated, *rows.repairs, *notes, *left, *grid.repairs, *_missing(rows, lost), *said)
     if grid.size < SAMPLES_NEEDED:
         raise CannotAnswer(
             f"{rows.place(len(rows.frame) - 1)}: the log ends after {len(rows.frame)} samples; a "
@@ -212,7 +211,7 @@ def read(
         channels=channels,
         samples=len(rows.frame),
         gaps=grid.gaps,
-        repairs=tuple(repairs),
+        repairs=repairs,
         licence=stanza.get("licence", "not stated"),
         source=stanza.get("source", "the reader's own log"),
         given=str(log),
@@ -238,7 +237,6 @@ def _placed(table, option):
         What was assumed about the time.
     """
     file, frame, rate = table.file, table.frame, option.get("rate_hz")
-    notes: list[str] = []
     if rate is not None and not 1 / RATES < rate < RATES:
         raise WrongUsage(
             f"{file}: --rate {rate:g}: give a positive number of samples a second, below {RATES:g}"
@@ -249,10 +247,10 @@ def _placed(table, option):
         named = columns.resolve(option["time"], list(frame), file) if "time" in option else time
         time, stamps = times.of_table(table, named, option.get("time_unit"))
         at = stamps.since_s
-        notes += stamps.notes
+        notes = [*stamps.notes]
     else:
         at = np.arange(len(frame)) / rate
-        notes += [f"time column '{time}' not used, since the rate is given"] * bool(time)
+        notes = [f"time column '{time}' not used, since the rate is given"] * bool(time)
     start, stop = option.get("from", 0.0), option.get("to", np.inf)
     if not 0 <= start < stop:
         raise WrongUsage(f"{file}: --from {start:g} --to {stop:g} is no stretch of time")
@@ -391,12 +389,11 @@ def _channel(
 
 def _missing(table: Table, lost: Sequence[tuple]) -> Iterator[str]:
     """Say what is missing, in one sentence for each reason, whatever the number of columns."""
-    for reason in dict.fromkeys(why for why, *_ in lost):
+    for reason, each in grouped((why, rest) for why, *rest in lost).items():
         places = (
             f"{count:,} of {len(table.frame):,} in {column}, first in "
             f"{table.place(row).removeprefix(f'{table.file}, ')}"
-            for why, count, row, column in lost
-            if why == reason
+            for count, row, column in each
         )
         yield f"{table.file}: values are missing{reason}: {'; '.join(places)}"
 

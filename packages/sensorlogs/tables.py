@@ -105,16 +105,13 @@ def choose(parts: Sequence[Part], path: Path, title: str, name: str | None = Non
     """
     if name is not None:
         return [named(parts, name, path.name)]
-    longest = max((part.rows or 0 for part in parts), default=0)
-    long = [p for p in parts if p.rows is None or p.rows >= SLOW * longest]
+    long = _long(parts)
     if len(long) == 1 and long[0].told_by == "its header":
         return long
     has = {part.name: kinds(part) for part in parts}
     for wanted in ({"rate", "accel"}, {"angle", "position"}):
         for primary in (True, False):
-            found = [p for p in parts if p.primary >= primary and has[p.name] & wanted]
-            longest = max((p.rows or 0 for p in found), default=0)
-            found = [p for p in found if p.rows is None or p.rows >= SLOW * longest]
+            found = _long([p for p in parts if p.primary >= primary and has[p.name] & wanted])
             if len(found) == 1:
                 return found
             if sorted(map(sorted, (has[p.name] & wanted for p in found))) == [["accel"], ["rate"]]:
@@ -125,6 +122,12 @@ def choose(parts: Sequence[Part], path: Path, title: str, name: str | None = Non
         f"{path.name}: {title} without gyros, accelerometers, angles or positions by name; it has "
         f"{listed(parts) or 'no table'}: take columns of one with --table, --columns and --unit"
     )
+
+
+def _long(parts: Sequence[Part]) -> list[Part]:
+    """Leave out tables that are short beside the longest."""
+    longest = max((part.rows or 0 for part in parts), default=0)
+    return [p for p in parts if p.rows is None or p.rows >= SLOW * longest]
 
 
 def ask(found: Sequence[Part], path: Path, why: str = "") -> WrongUsage:

@@ -26,6 +26,7 @@ FLAGS = tomllib.loads(Path(__file__).with_name("flags.toml").read_text(encoding=
 TYPES = {"number": float, "count": int, "text": str, "switch": bool}
 WIDTH = 100  # of a line on the terminal
 WRAPPED = {"subsequent_indent": "    ", "break_long_words": False, "break_on_hyphens": False}
+READS = {"report": "static", "pool": "static", "replay": "moving", "compare": "moving"}  # logs
 RESUMABLE = ("reproduce", "coverage", "readings", "data")  # they keep each piece that is finished
 
 
@@ -79,12 +80,10 @@ def app():
     """Rerun the compendium, characterise inertial sensors, replay a tracker on field logs."""
 
 
-def _verb(function=None, *, reads=None):
-    """Make a function a verb; `reads` names the flags that it takes as ``**reading``."""
-    if function is None:
-        return functools.partial(_verb, reads=reads)
-    own = inspect.signature(function).parameters
-    tables = [FLAGS["shared"], FLAGS.get(reads, {}), FLAGS[function.__name__]]
+def _verb(function):
+    """Make a function a verb, with its flags and those that it takes as ``**reading``."""
+    verb, own = function.__name__, inspect.signature(function).parameters
+    tables = [FLAGS["shared"], FLAGS.get(READS.get(verb), {}), FLAGS[verb]]
     parameters = []
     for name in {**tables[2], **tables[1]}:
         about = functools.reduce(lambda known, table: known | table.get(name, {}), tables, {})
@@ -196,7 +195,7 @@ def _parameter(text):
     return name, str(Path(value).resolve()) if Path(value).is_file() else value
 
 
-@_verb(reads="static")
+@_verb
 def report(log, out, part=None, **reading):
     """Characterise a static log: noise model and report.
 
@@ -269,7 +268,7 @@ def channels(log):
         raise errors[0]
 
 
-@_verb(reads="moving")
+@_verb
 def replay(
     logs,
     out,
@@ -334,23 +333,25 @@ def replay(
     _tell("replay.txt", summary, out=out, facts=page.facts(summary))
 
 
+def _numbers(text, mark):
+    """Read the numbers between marks; none at all where one of them is none."""
+    try:
+        return tuple(float(part) for part in text.split(mark))
+    except ValueError:
+        return ()
+
+
 def _interval(text):
     """Read FROM:TO in seconds."""
-    try:
-        start, stop = (float(part) for part in text.split(":"))
-    except ValueError:
-        start, stop = 0.0, -1.0
-    if not 0 <= start < stop:
+    ends = _numbers(text, ":")
+    if len(ends) != 2 or not 0 <= ends[0] < ends[1]:
         raise WrongUsage(f"--outage {text}: write FROM:TO in seconds, such as 300:330")
-    return start, stop
+    return ends
 
 
 def _lever(text):
     """Read forward, right and down in metres."""
-    try:
-        lever = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        lever = ()
+    lever = _numbers(text, ",")
     if len(lever) != 3 or not all(abs(part) < 30 for part in lever):
         raise WrongUsage(
             f"--lever {text}: write forward, right and down, each under 30 m, such as 1.2,0,-0.8 "
@@ -371,7 +372,7 @@ def _check_last_position(path, out):
     _try_to_write(path.parent, option)
 
 
-@_verb(reads="static")
+@_verb
 def pool(logs, out, axes=False, **reading):
     """Estimate one noise model from the logs of several units.
 
@@ -388,7 +389,7 @@ def pool(logs, out, axes=False, **reading):
     _tell("pool.txt", pooled, out=out)
 
 
-@_verb(reads="moving")
+@_verb
 def compare(logs, out, **reading):
     """Compare units that travelled together: positions and attitudes.
 
@@ -544,10 +545,9 @@ def coverage(
         "ensembles": ensembles.study,
         "attitude": attitudes.study,
     }[study]
-    given = {"runs": runs} if runs else {}
-    given |= {"hours": _numbers(hours)} if hours else {}
-    given |= {"names": models.split(",")} if models else {}
-    given |= {"entries": entry} if entry else {}
+    given = {"runs": runs, "hours": hours and _hours(hours), "entries": entry}
+    given |= {"names": models and models.split(",")}
+    given = {name: value for name, value in given.items() if value}
     takes = {"beside": ("runs", "names", "entries")}
     takes |= dict.fromkeys(("intervals", "broken"), ("runs", "hours", "names"))
     if set(given) - {*takes.get(study, ())}:
@@ -556,13 +556,12 @@ def coverage(
     print(f"the tables are in {out}/")
 
 
-def _numbers(hours):
+def _hours(text):
     """Read lengths in hours."""
-    with contextlib.suppress(ValueError):
-        lengths = [float(h) for h in hours.split(",")]
-        if all(h > 0 for h in lengths):
-            return lengths
-    raise WrongUsage(f"--hours {hours}: write numbers above zero with commas, such as 2,6")
+    hours = _numbers(text, ",")
+    if not hours or not all(h > 0 for h in hours):
+        raise WrongUsage(f"--hours {text}: write numbers above zero with commas, such as 2,6")
+    return hours
 
 
 @_verb

@@ -7,6 +7,7 @@ from itertools import permutations, zip_longest
 from analysis import plots, store
 from analysis.static_logs.stored import plain
 from analysis.units.side_by_side import side_by_side
+from sensorlogs import grouped
 from sensorlogs.columns import tidy
 from workbench import pages
 from workbench.pages import Said
@@ -85,19 +86,15 @@ def shown(events):
         rank = next((k for k, word in enumerate(FIRST) if word in e["kind"]), len(FIRST))
         return rank, e["kind"], -e["size"]
 
-    kinds: dict[str, list[dict]] = {}
-    for e in sorted(events, key=order):
-        kinds.setdefault(e["kind"], []).append(e)
+    kinds = grouped((e["kind"], e) for e in sorted(events, key=order))
     in_turn = [e for turn in zip_longest(*kinds.values()) for e in turn if e]
     return sorted(in_turn[:EVENTS], key=order)
 
 
 def _counts(events):
     """Count events by kind, and add up what was lost."""
-    sizes: dict[str, list[float]] = {}
-    for e in events:
-        if not e["kind"].startswith("largest"):
-            sizes.setdefault(e["kind"], []).append(e["size"])
+    sizes = grouped((e["kind"], e["size"]) for e in events)
+    sizes = {kind: own for kind, own in sizes.items() if not kind.startswith("largest")}
     kinds = [(kind, len(own), sum(own)) for kind, own in sizes.items()]
     return Said("counts", {"kinds": kinds})
 
@@ -122,12 +119,11 @@ def _told(found, units):
     names = [track.name for track in found.tracks]
     clocks = []
     for name, clock in zip(names[1:], found.clocks, strict=True):
-        ends = {"offset_s": clock.offset_s.value, "low": clock.offset_s.low}
-        ends = {k: _exact(v) for k, v in (ends | {"high": clock.offset_s.high}).items()}
-        more = {"drift": plain(clock.drift), "named": clock.named, "note": clock.offset_s.note}
-        clocks.append(
-            {"unit": name, "against": names[0]} | ends | more | {"undated": clock.undated}
-        )
+        offset = clock.offset_s
+        ends = {"offset_s": offset.value, "low": offset.low, "high": offset.high}
+        about = {"unit": name, "against": names[0]} | {k: _exact(v) for k, v in ends.items()}
+        about |= {"drift": plain(clock.drift), "named": clock.named, "note": offset.note}
+        clocks.append(about | {"undated": clock.undated})
     rows = [(pair, _dated(pair, zero, start)) for pair in found.pairs]
     parts = [
         [

@@ -18,12 +18,9 @@ The page analysis/noise/README.md holds the `table` for a worked example.
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from analysis import IN_DEG_S, IN_M_S2
 from analysis.noise.models import FLICKER, UnifiedModel
 from workbench import pages
 
-SI = {unit: (float(np.radians(of)), "rad/s") for unit, of in IN_DEG_S.items()}
-SI |= {unit: (of, "m/s^2") for unit, of in IN_M_S2.items()}
 EXAMPLE = {"arw": 0.004, "sigma_b": 0.005, "corr_time": 200.0, "dt": 0.01}  # terrain paper, Table 1
 MISSING = "not resolved"
 PEAK_AT, PEAK = 1.8926, 0.6174  # hump of a Gauss-Markov process' Allan deviation: tau/T_c, /sigma_b

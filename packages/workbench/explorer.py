@@ -15,6 +15,7 @@ from analysis import datasheets, store, terrain_data
 from analysis.noise.planner import Plan
 from analysis.terrain.monte_carlo import LOST_M
 from workbench import pages
+from workbench.verdict import KNOWN
 
 FOUR_STATES = "four states"  # the surface that the report page and `which-gyro` share, T_c = 200 s
 TRACKERS = {  # the others: of data/derived/error-surface
@@ -24,7 +25,6 @@ TRACKERS = {  # the others: of data/derived/error-surface
     "bias states": "exact map; noise integrated, the filter estimates the gyro's bias",
 }
 RATES = "kind == 'rate' and (basis == 'measured' or b == b)"  # gyros that have N and B
-WITHIN = 0.2  # a parameter counts as known when its 95 % interval is within ±20 %
 OF_A_PART = (
     *("part", "sensor", "name", "axis", "basis", "source", "over_sheet", "n", "n_low", "n_high"),
     *("b", "b_low", "b_high", "low_usd", "high_usd", "price_year", "price_source"),
@@ -119,7 +119,7 @@ def _allan():
         "ends": [[store.rounded_number(v, 9) for v in end] for end in ends],
         "study": pages.rounded(cells[OF_A_CELL].to_dict("records")),
     }
-    return {"data": data, "enough": _correlation_times(cells), "within": f"{WITHIN:.0%}"[:-1]}
+    return {"data": data, "enough": _correlation_times(cells), "within": f"{KNOWN:.0%}"[:-1]}
 
 
 def _cells():
@@ -143,6 +143,6 @@ def _correlation_times(cells):
     times = []
     for sensor in cells.drop_duplicates("model").itertuples():
         plan = Plan(sensor.sigma_v, sensor.sigma_b, sensor.corr_time)
-        hours = plan.hours_needed(sensor.interval_s, WITHIN)["corr_time"]
+        hours = plan.hours_needed(sensor.interval_s, KNOWN)["corr_time"]
         times.append(3600 * hours / sensor.corr_time)
     return [f"{min(times):.0f}", f"{max(times):.0f}", len(times)]

@@ -48,7 +48,7 @@ from scipy.optimize import least_squares
 from analysis import CannotAnswer, Estimate, WrongUsage
 from analysis.noise.models import UnifiedModel
 from analysis.noise.parameters import random_walk_unit
-from sensorlogs.columns import AXES, words
+from sensorlogs.columns import AXES, IN_SI, KIND_OF_UNIT, words
 from workbench import conventions, pages
 from workbench.conventions import MISSING
 
@@ -260,7 +260,7 @@ def sort_triads(model, *, strict=False):
                 raise ValueError(f"a channel is called {name!r}, which is no text")
             if kind not in SENSORS:
                 left_out.append(f"{name} is of kind {kind}; these tools take rate and accel")
-            elif conventions.SI.get(unit, (None, None))[1] != SI_UNITS[kind]:
+            elif KIND_OF_UNIT.get(unit) != kind:
                 left_out.append(f"{name} is in {unit}, which is no known unit of a {kind}")
             else:
                 groups.setdefault(kind, []).append(_axis(channel, model["source"], strict))
@@ -310,7 +310,7 @@ def _axis(channel, source, strict):
     """
     unit, parameters = channel["unit"], channel["parameters"]
     white = "arw" if channel["kind"] == "rate" else "vrw"
-    factor, si = conventions.SI[unit]
+    factor, si = IN_SI[unit], SI_UNITS[channel["kind"]]
 
     def estimate(name, was, now, by):
         e, what = Estimate(**parameters[name]), f"{name} of {channel['name']}"
@@ -384,7 +384,7 @@ def stand_in(channel, source, white):
     curve = channel.get("allan_line_removed") or channel.get("allan")
     if not curve:
         return None
-    factor, span = conventions.SI[channel["unit"]][0], source["duration_s"]
+    factor, span = IN_SI[channel["unit"]], source["duration_s"]
     numbers = np.array([curve[k] for k in ("tau_s", "deviation", "low", "high")], dtype=float)
     tau, adev, low, high = numbers
     inside = (tau >= SLOW) & (tau <= span / PART) & (low > 0) & (low < adev) & (adev < high)

@@ -15,7 +15,6 @@ from workbench import exports, pages, verdict
 from workbench.pages import Said
 
 ALL_CHANNELS, ATLAS = "all.allan", "all.atlas"  # of figures; no channel has a dot in its name
-WITHIN = 0.2  # wanted half width of a 95 % interval, relative, of the log to record
 
 
 def write(log, out, *, part=None, command=""):
@@ -108,7 +107,7 @@ def hours_to_record(channel, dt):
     times = (time.low, time.high) if time.resolved else ()
     try:
         hours, *ends = (
-            {SYMBOLS[name]: h for name, h in one.hours_needed(dt, WITHIN).items()}
+            {SYMBOLS[name]: h for name, h in one.hours_needed(dt, verdict.KNOWN).items()}
             for one in [plan, *(replace(plan, corr_time=t) for t in times)]
         )
     except WrongUsage as error:
@@ -120,7 +119,7 @@ def hours_to_record(channel, dt):
             known = (h[name] for h in (hours, *ends) if ends)
             spans = sorted(known, key=lambda h: (h is None, h))
         plans.append((name, needed, spans))
-    return hours, Said("record", {"plans": plans, "at_least": at_least, "within": WITHIN})
+    return hours, Said("record", {"plans": plans, "at_least": at_least, "within": verdict.KNOWN})
 
 
 def _draw(result, folder, atlas):

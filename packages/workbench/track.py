@@ -23,12 +23,9 @@ from workbench import pages
 from workbench.saved_position import load_position, save_position
 
 FILES = ("summary.json", "track.csv", "track.gpx", "track.html")
-DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetre of position
-    "t_s": 3, "lat_deg": 8, "lon_deg": 8, "pdop": 2, "out_lat_deg": 8, "out_lon_deg": 8,
-    "roll_deg": 3, "pitch_deg": 3, "yaw_deg": 3, "mount_deg": 3,
-    "sigma_roll_deg": 3, "sigma_pitch_deg": 3, "sigma_yaw_deg": 3,
-    "sigma_north_m": 3, "sigma_east_m": 3, "correlation": 4,
-}  # fmt: skip
+# Of the columns of track.csv, as good as each can be: a millimetre of position; 3 of the others.
+DECIMALS = dict.fromkeys(("lat_deg", "lon_deg", "out_lat_deg", "out_lon_deg"), 8)
+DECIMALS |= {"pdop": 2, "correlation": 4}
 DRAWN = 20_000  # epochs; more make a page that is slow on a phone
 QUANTILE = math.sqrt(-2 * math.log(0.05))  # semi-axis of the 95 % ellipse, in standard deviations
 MOVING, STATIC, FIX, REFUSED = "#0072b2", "#009e73", "#999999", "#d55e00"
@@ -132,7 +129,7 @@ def _cells(name, column):
     """Write a column: whole numbers as such, others rounded, nothing where there is no value."""
     if column.dtype.kind in "iub":
         return [str(int(v)) for v in column]
-    return ["" if v != v else f"{v:.{DECIMALS[name]}f}" for v in column.tolist()]
+    return ["" if v != v else f"{v:.{DECIMALS.get(name, 3)}f}" for v in column.tolist()]
 
 
 def _title(track):

@@ -16,6 +16,7 @@ from analysis.datasheets import IN_ATLAS, LEADING
 from analysis.noise.added_terms import signal_of
 from analysis.noise.models import adev_of_terms
 from analysis.noise.parameters import PARAMETERS
+from sensorlogs import grouped
 from workbench.pages import Said
 
 KINDS = ("rate", "accel", "angle", "position")  # in the order of the table
@@ -361,12 +362,12 @@ def reasons(result):
     dict of list
         The reason to the parameters it is of.
     """
-    found = {}
-    for c in result.channels:
-        for key, e in c.parameters.items():
-            if not e.resolved and (c.kind not in LEADING or key in IN_SUMMARY):
-                found.setdefault(e.note, []).append(f"{SYMBOLS[key]} of {c.name}")
-    return found
+    return grouped(
+        (e.note, f"{SYMBOLS[key]} of {c.name}")
+        for c in result.channels
+        for key, e in c.parameters.items()
+        if not e.resolved and (c.kind not in LEADING or key in IN_SUMMARY)
+    )
 
 
 def placed(model, atlas):
