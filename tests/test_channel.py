@@ -1,11 +1,16 @@
 """One channel: refusals, disturbances, and remarks on logs that are too coarse or too short."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from allantools import oadev
+from refused import refused
 
-from analysis import figures, plots
-from analysis.noise.channel import characterise, remarks
+from analysis import CannotAnswer, Estimate, figures, plots
+from analysis.noise import allan
+from analysis.noise.channel import characterise, joined, refuse_without_noise, remarks, windows
+from analysis.noise.goodness import together
 
 QUIET = np.random.default_rng(1).standard_normal(20_000)
 WALK = 0.05 * np.cumsum(np.random.default_rng(2).standard_normal(20_000))
@@ -73,3 +78,82 @@ def test_both_allan_curves_and_the_model_over_them():
     arw, rrw, end = found.parameters["arw"], found.parameters["rrw"], found.allan.tau[-1]
     assert marks["N"] == pytest.approx((1.0, arw.value))
     assert marks["K"] == pytest.approx((end, rrw.value * np.sqrt(end / 3)))
+
+
+@pytest.mark.parametrize("detrend", [True, False])
+def test_the_panels_of_a_channel(detrend):
+    """known case: a line through 6010 samples of 0.1 s; 15 s of them, 1502 means of four.
+
+    Means over up to a fiftieth of the log, and their covariance by its definition to half of it.
+    """
+    t = 0.1 * np.arange(6010)
+    y, of = 3 + 0.02 * t + QUIET[:6010], {"name": "x", "unit": "g", "kind": "accel"}
+    found = characterise(y, 0.1, **of, rng=None, detrend=detrend, estimate=False, temperature=t)
+    slope, mean = np.polyfit(t - t.mean(), y, 1)
+    assert found.line == pytest.approx((mean, slope))
+    np.testing.assert_allclose(found.short, [t[:150], y[:150]])
+    fours = y[:6008].reshape(-1, 4).mean(axis=1)
+    np.testing.assert_allclose(found.whole, [0.2 + 0.4 * np.arange(1502), fours])
+    np.testing.assert_allclose(found.temperature, found.whole[0] - 0.05)
+    np.testing.assert_allclose(found.allan.adev, allan.allan_deviation(y, 0.1).adev)
+    assert (found.allan_line_removed is not None) == detrend
+    assert not (found.parameters or found.models or found.fit) and np.isnan(found.fitted_from)
+    assert list(found.autocorrelation) == [0.3, 1, 3, 10]
+    for m, (lag, acov) in zip((3, 10, 30, 100), found.autocorrelation.values(), strict=True):
+        d = (y - detrend * slope * t)[: 6010 // m * m].reshape(-1, m).mean(axis=1)
+        d, k, most = d - d.mean(), np.round(lag / m / 0.1).astype(int), 6010 // m // 2
+        np.testing.assert_array_equal([len(k), k[-1]], [min(400, most + 1), most])
+        np.testing.assert_allclose(lag, m * k * 0.1)
+        expected = [d[: len(d) - lag] @ d[lag:] / len(d) for lag in k]
+        np.testing.assert_allclose(acov, expected, atol=1e-12)
+    for about, expected in (((500, 0.01), [0.3, 1, 3, 10]), ((499, 0.01), [0.1, 0.3, 1, 3]),
+                            ((500, 3), [3, 10]), ((10, 1.0), [1.0])):  # fmt: skip
+        assert windows(*about) == expected
+
+
+def test_too_little_to_measure_by_its_rules():
+    """known case: off a line by 1e-140, or by 1e-12 of the largest reading; under ten minutes."""
+    swing = (-1.0) ** np.arange(4000)
+    for y, why in ((1e-140 * swing, "the square of such"), (1e-12 * swing + 1, "to the last digit"),
+                   (1e-12 * swing - 1, "to the last digit")):  # fmt: skip
+        middle = np.round(y.mean())
+        refused(
+            CannotAnswer, why, refuse_without_noise, middle + 0.99 * (y - middle), 1.0, "x", "g"
+        )
+        refuse_without_noise(middle + 1.01 * (y - middle), 1.0, "x", "g")
+    for n, kind, said in ((6000, "rate", 0), (5999, "rate", 1), (5999, "position", 0)):
+        assert len(remarks(QUIET[:n], 0.1, kind)) == said
+    for levels, said in ((11, 1), (12, 0)):
+        assert len(remarks(np.arange(9000) % levels, 0.1, "rate")) == said
+
+
+def test_what_changes_in_all_axes_widens_each_that_was_fitted():
+    """known case: two gyros of three were tested; an accelerometer is alone, whatever it has."""
+    channel = characterise(
+        QUIET[:99], 1.0, name="x", unit="", kind="rate", rng=None, estimate=False
+    )
+    size = Estimate(1.0, 0.5, 2.0, "")
+    channel = replace(channel, parameters={"sigma_b": size, "arw": size})
+    quarters = [(1.0, 40.0), (1.0, 40.0), (9.0, 80.0), (1.0, 40.0)]
+    tested = {"stationarity": {"quarters": quarters}, "disturbances": ["own"]}
+    gyros = [replace(channel, fit=fit) for fit in (tested, tested, tested | {"stationarity": None})]
+    others = [channel, replace(gyros[0], kind="accel"), replace(gyros[0], kind="position")]
+    found = joined([*gyros, *others], 400.0)
+    assert list(found[3:]) == others
+    (told,) = together([quarters] * 2, 400.0)
+    for one in found[:3]:
+        assert one.fit["disturbances"] == ["own", told.summary()] and one.parameters["arw"] == size
+        ends = np.log([one.parameters["sigma_b"].low, one.parameters["sigma_b"].high])
+        assert ends == pytest.approx(np.hypot(np.log(2), told.widens) * [-1, 1])
+    assert joined(gyros[:2], 400.0)[0] == found[0] and joined([], 400.0) == ()
+
+
+def test_a_floor_is_that_of_the_log_without_its_terms():
+    """property: a step of eight deviations, which is fitted, leaves the bound of the floor."""
+    of = {"name": "x", "unit": "deg/s", "kind": "rate"}
+    bounds = []
+    for size in (0.0, 8.0):
+        y = (QUIET + WALK)[:8000] + size * (np.arange(8000) > 4000)
+        found = characterise(y, 0.1, **of, rng=np.random.default_rng(0))
+        bounds.append(found.parameters["bias_instability"].high)
+    assert found.fit["terms"] and bounds[1] == pytest.approx(bounds[0], rel=0.01)

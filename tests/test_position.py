@@ -19,6 +19,11 @@ def test_effective_samples_of_an_autoregression(phi):
     dt = 1.0 if phi == 0 else -np.log(phi)
     x = gauss_markov(n, dt, 1.0, 1e-9 if phi == 0 else 1.0, np.random.default_rng(2))
     assert effective_samples(x) == pytest.approx(n * (1 - phi) / (1 + phi), rel=0.12)
+    few = x[:300] - x[:300].mean()
+    rho = [few[: 300 - k] @ few[k:] / (few @ few) for k in range(300)]
+    lengths = [1 + 2 * sum(rho[1 : k + 1]) for k in range(300)]
+    first = next(k for k in range(300) if k >= 5 * lengths[k])
+    assert effective_samples(3 * x[:300] + 7) == pytest.approx(min(300 / lengths[first], 300))
 
 
 @pytest.mark.parametrize("corr_time", [10.0, 60.0, 100.0])
