@@ -319,6 +319,8 @@ def test_means_lack_the_noise_that_a_low_pass_takes_out():
     means = NoiseLikelihood(spectrum.spectra(y, DT, per_mean))
     lack, half = lost_in_means(spectrum.transform(y, DT), means, means.fit("N"))
     band = np.arctan(np.pi * x) / (np.pi * x)
+    other = lost_in_means(spectrum.transform(y, DT), means, fit_of("N", [9.0]))  # of any size
+    assert other == pytest.approx((lack, half))
     assert lack == pytest.approx(np.sqrt(band / (1 - x * (1 - np.exp(-1 / x)))) - 1, abs=half)
     fitted, lacks = fit_of("N+K", [1.0, 0.03]), []
     for y, walk in np.random.default_rng(3).standard_normal((300, 2, 2000)):  # where white rules
@@ -372,8 +374,13 @@ def test_richer_models_need_strong_evidence():
     assert choose([*base, made("N+GM+K", -1.0)]).model == "N+GM+K"
     assert choose([made("N", 10.5), made("N+GM", 8.5)]).model == "N"
     # Others within 4 are told, the best of them, as near or as equal.
-    chosen, near = made("N+GM", 6.0), "nearly as well as N+GM (AIC +4.0)"
-    for aic, words in ((10.1, ""), (10.0, near), (6.5, "(AIC +0.5)"), (6.0, "log as well")):
+    chosen, near = made("N+GM", 6.0), "nearly as well as N+GM (AIC +"
+    for aic, words in (
+        (10.1, ""),
+        (10.0, near + "4.0)"),
+        (6.5, near + "0.5)"),
+        (6.0, "log as well"),
+    ):
         fits = {"N+K": made("N+K", aic), "N+B": made("N+B", 30.0)}
         told = inference.Inference.rival(SimpleNamespace(fits=fits, chosen=chosen))
         assert words in told and bool(words) == told.startswith("N+K")

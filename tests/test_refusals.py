@@ -29,12 +29,12 @@ def fitted(model, aic):
 
 
 def inferred(chosen, aics, ends=(), **more):
-    """Make an inference: AIC of the models, 50 where it is not said; a log of 1800 s.
+    """Make an inference: AIC of the models over -30, 50 where it is not said; a log of 1800 s.
 
     The ends of intervals are half and twice a value where `ends`, (model, term) to them, has none.
     """
-    fits = {model: fitted(model, 50.0) for model in MODELS}
-    fits |= {model: fitted(model, aic) for model, aic in aics.items()}
+    aics = dict.fromkeys(MODELS, 50.0) | aics
+    fits = {model: fitted(model, aic - 30.0) for model, aic in aics.items()}
     ends = dict(ends)
 
     def interval(fit, what):
