@@ -16,15 +16,16 @@ QUIET = np.random.default_rng(1).standard_normal(20_000)
 WALK = 0.05 * np.cumsum(np.random.default_rng(2).standard_normal(20_000))
 
 
-@pytest.mark.parametrize(
-    ("y", "says"),
-    [(np.where(np.arange(20_000) // 100 == 5, np.nan, QUIET + WALK), None),
-     (np.append(np.zeros(2000), QUIET[:8000]), None),  # values are counted in the whole log
-     (np.round(QUIET / 2), "different values"), (QUIET[:3000], "K and drift")],
-)  # fmt: skip
-def test_what_is_remarked_on(y, says):
-    """property: coarse steps, and five minutes that a bias may outlast; no walk and no hole."""
-    assert [says in sentence for sentence in remarks(y, 0.1, "rate")] == [True] * bool(says)
+@pytest.mark.parametrize(("y", "kind", "says"), [
+    (np.where(np.arange(20_000) // 100 == 5, np.nan, QUIET + WALK), "rate", None),
+    (np.append(np.zeros(2000), QUIET[:8000]), "rate", None),  # values are counted in the whole log
+    (np.round(QUIET / 2), "rate", "different values"), (QUIET[:5999], "rate", "K and drift"),
+    (QUIET[:6000], "rate", None), (QUIET[:5999], "position", None),
+    (np.arange(9000) % 11, "rate", "11 different values"), (np.arange(9000) % 12, "rate", None),
+])  # fmt: skip
+def test_what_is_remarked_on(y, kind, says):
+    """property: coarse steps, and ten minutes that a bias may outlast; no walk and no hole."""
+    assert [says in sentence for sentence in remarks(y, 0.1, kind)] == [True] * bool(says)
 
 
 def test_a_disturbance_reaches_parameters_and_fit():
@@ -35,25 +36,6 @@ def test_a_disturbance_reaches_parameters_and_fit():
     assert not found.parameters["arw"].resolved and "arw" in told["affects"]
     assert told["note"] in found.parameters["arw"].note
     assert found.parameters["arw"].low < np.sqrt(0.01 * 2.5) < found.parameters["arw"].high
-    for window, (lags, acov) in found.autocorrelation.items():  # of means, to half of the log
-        assert lags[-1] == pytest.approx(100.0, abs=2 * window) and lags[0] == 0.0
-        assert acov[0] == pytest.approx(2.5 * 0.01 / window, rel=0.3)
-
-
-@pytest.mark.parametrize("levels", [2, 3])
-def test_quantised_channels_do_not_warn(levels, recwarn):
-    """property: a channel that knows two or three values is answered without library noise.
-
-    Two levels never scatter by more than half a step: the noise before rounding is not known.
-    """
-    y = np.random.default_rng(14).integers(0, levels, 2000).astype(float)
-    found = characterise(y, 0.05, name="x", unit="g", kind="accel", rng=np.random.default_rng(0))
-    vrw = found.parameters["vrw"]
-    if levels == 2:
-        assert vrw.value is None and "is the rounding" in vrw.note
-    else:
-        assert vrw.value == pytest.approx(y.std() * np.sqrt(0.05), rel=0.1)
-    assert not recwarn.list
 
 
 def test_both_allan_curves_and_the_model_over_them():
@@ -112,7 +94,7 @@ def test_the_panels_of_a_channel(detrend):
 
 
 def test_too_little_to_measure_by_its_rules():
-    """known case: off a line by 1e-140, or by 1e-12 of the largest reading; under ten minutes."""
+    """known case: off a line by 1e-140, or by 1e-12 of the largest reading."""
     swing = (-1.0) ** np.arange(4000)
     for y, why in ((1e-140 * swing, "the square of such"), (1e-12 * swing + 1, "to the last digit"),
                    (1e-12 * swing - 1, "to the last digit")):  # fmt: skip
@@ -121,10 +103,6 @@ def test_too_little_to_measure_by_its_rules():
             CannotAnswer, why, refuse_without_noise, middle + 0.99 * (y - middle), 1.0, "x", "g"
         )
         refuse_without_noise(middle + 1.01 * (y - middle), 1.0, "x", "g")
-    for n, kind, said in ((6000, "rate", 0), (5999, "rate", 1), (5999, "position", 0)):
-        assert len(remarks(QUIET[:n], 0.1, kind)) == said
-    for levels, said in ((11, 1), (12, 0)):
-        assert len(remarks(np.arange(9000) % levels, 0.1, "rate")) == said
 
 
 def test_what_changes_in_all_axes_widens_each_that_was_fitted():
