@@ -16,6 +16,7 @@ from analysis.noise.likelihood import Terms, evaluate
 from analysis.noise.notes import said
 
 SIZES = {"sigma_v": [0.1], "rrw": [0.01], "flicker": [0.02], "sigma_b": [0.3], "corr_time": [60.0]}
+NEAR = "N fits the log nearly as well as N+K (AIC +"
 TWO = {"sigma_b": [0.2, 0.4], "corr_time": [20.0, 600.0]}
 
 
@@ -112,7 +113,9 @@ def test_white_noise_by_its_band():
 
 @pytest.mark.parametrize(("chosen", "aics", "ends", "expected", "why"), [
     # A model without a walk and a bias as good within 4 speaks against the walk.
-    ("N+K", {"N+K": 0.0, "N": 4.0}, {}, (None, None, 0.02), "nearly as well as N+K"),
+    ("N+K", {"N+K": 0.0, "N": 4.0, "N+B": 4.1}, {}, (None, None, 0.02), NEAR + "4.0)"),
+    ("N+K", {"N+K": 0.0, "N": 0.5}, {}, (None, None, 0.02), NEAR + "0.5)"),
+    ("N+K", {"N+K": 0.0, "N": 0.0}, {}, (None, None, 0.02), "N fits the log as well as N+K"),
     ("N+K", {"N+K": 0.0, "N": 4.1}, {}, (0.01, 0.005, 0.02), "a slow bias looks alike"),
     ("N+K", {"N+K": 0.0}, {("N+B+K", "rrw"): (0.002, 0.015)}, (0.01, 0.002, 0.02), "flicker"),
     ("N+K", {"N+K": 0.0}, {("N+B+K", "rrw"): (None, 0.03)}, (None, None, 0.03), "flicker"),
