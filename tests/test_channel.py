@@ -15,6 +15,12 @@ QUIET = np.random.default_rng(1).standard_normal(20_000)
 WALK = 0.05 * np.cumsum(np.random.default_rng(2).standard_normal(20_000))
 
 
+def as_gyro(y, dt, **more):
+    """Characterise a channel, a gyro where nothing else is said."""
+    of = {"name": "x", "unit": "deg/s", "kind": "rate", "rng": np.random.default_rng(0)}
+    return characterise(y, dt, **of | more)
+
+
 @pytest.mark.parametrize(("y", "kind", "says"), [
     (np.where(np.arange(20_000) // 100 == 5, np.nan, QUIET + WALK), "rate", None),
     (np.append(np.zeros(2000), QUIET[:8000]), "rate", None),  # values are counted in the whole log
@@ -30,7 +36,7 @@ def test_what_is_remarked_on(y, kind, says):
 def test_a_disturbance_reaches_parameters_and_fit():
     """property: what disturbs a channel is in its fit, and in the note of what it affects."""
     y = QUIET * np.where(np.arange(20_000) < 10_000, 1, 2)
-    found = characterise(y, 0.01, name="x", unit="deg/s", kind="rate", rng=np.random.default_rng(0))
+    found = as_gyro(y, 0.01)
     (told,) = [d for d in found.fit["disturbances"] if d["kind"] == "noise_level"]
     assert not found.parameters["arw"].resolved and "arw" in told["affects"]
     assert told["note"] in found.parameters["arw"].note
@@ -45,7 +51,7 @@ def test_both_allan_curves_and_the_model_over_them():
     rng, dt = np.random.default_rng(15), 0.1
     y = rng.standard_normal(20_000) + np.cumsum(0.02 * rng.standard_normal(20_000))
     y += 1e-3 * np.arange(20_000)
-    found = characterise(y, dt, name="x", unit="deg/s", kind="rate", rng=rng)
+    found = as_gyro(y, dt, rng=rng)
     assert found.allan_line_removed.adev[-1] < 0.5 * found.allan.adev[-1]
     table = figures.plotted_numbers(plots.four_panels(found, "x"))
     drawn = {name: g[["x", "y"]].to_numpy() for name, g in table.groupby("series")}
@@ -66,8 +72,8 @@ def test_the_panels_of_a_channel(detrend):
     Means over up to a fiftieth of the log, and their covariance by its definition to half of it.
     """
     t = 0.1 * np.arange(6010)
-    y, of = 3 + 0.02 * t + QUIET[:6010], {"name": "x", "unit": "g", "kind": "accel"}
-    found = characterise(y, 0.1, **of, rng=None, detrend=detrend, estimate=False, temperature=t)
+    y = 3 + 0.02 * t + QUIET[:6010]
+    found = as_gyro(y, 0.1, detrend=detrend, estimate=False, temperature=t)
     slope, mean = np.polyfit(t - t.mean(), y, 1)
     assert found.line == pytest.approx((mean, slope))
     np.testing.assert_allclose(found.short, [t[:150], y[:150]])
@@ -93,21 +99,17 @@ def test_the_panels_of_a_channel(detrend):
 def test_too_little_to_measure_by_its_rules():
     """known case: off a line by 1e-140, or by 1e-12 of the largest reading."""
     swing = (-1.0) ** np.arange(4000)
-    for y, why in ((1e-140 * swing, "the square of such"), (1e-12 * swing + 1, "to the last digit"),
-                   (1e-12 * swing - 1, "to the last digit")):  # fmt: skip
-        middle = np.round(y.mean())
-        refused(
-            CannotAnswer, why, refuse_without_noise, middle + 0.99 * (y - middle), 1.0, "x", "g"
-        )
-        refuse_without_noise(middle + 1.01 * (y - middle), 1.0, "x", "g")
+    line = "to the last digit"
+    for level, size, why in ((0, 1e-140, "square of such"), (1, 1e-12, line), (-1, 1e-12, line)):
+        y = level + 0.99 * size * swing
+        refused(CannotAnswer, why, refuse_without_noise, y, 1.0, "x", "g")
+        refuse_without_noise(level + 1.01 * size * swing, 1.0, "x", "g")
 
 
 def test_what_changes_in_all_axes_widens_each_that_was_fitted():
     """known case: two gyros of three were tested; an accelerometer is alone, whatever it has."""
-    channel = characterise(
-        QUIET[:99], 1.0, name="x", unit="", kind="rate", rng=None, estimate=False
-    )
     size = Estimate(1.0, 0.5, 2.0, "")
+    channel = as_gyro(QUIET[:99], 1.0, estimate=False)
     channel = replace(channel, parameters={"sigma_b": size, "arw": size})
     quarters = [(1.0, 40.0), (1.0, 40.0), (9.0, 80.0), (1.0, 40.0)]
     tested = {"stationarity": {"quarters": quarters}, "disturbances": ["own"]}
@@ -125,10 +127,7 @@ def test_what_changes_in_all_axes_widens_each_that_was_fitted():
 
 def test_a_floor_is_that_of_the_log_without_its_terms():
     """property: a step of eight deviations, which is fitted, leaves the bound of the floor."""
-    of = {"name": "x", "unit": "deg/s", "kind": "rate"}
-    bounds = []
-    for size in (0.0, 8.0):
-        y = (QUIET + WALK)[:8000] + size * (np.arange(8000) > 4000)
-        found = characterise(y, 0.1, **of, rng=np.random.default_rng(0))
-        bounds.append(found.parameters["bias_instability"].high)
-    assert found.fit["terms"] and bounds[1] == pytest.approx(bounds[0], rel=0.01)
+    logs = ((QUIET + WALK)[:8000] + size * (np.arange(8000) > 4000) for size in (0.0, 8.0))
+    plain, found = (as_gyro(y, 0.1) for y in logs)
+    bound, other = (one.parameters["bias_instability"].high for one in (plain, found))
+    assert found.fit["terms"] and other == pytest.approx(bound, rel=0.01)

@@ -949,6 +949,9 @@ def test_what_is_constant_between_two_units():
     ):  # fmt: skip
         told = datums(a, b, apart_by(*shift, scatter))
         assert len(told) == bool(said) and all(said in sentence for sentence in told)
+    d = apart_by(30, 40, 9, 0)
+    few = (replace(d, t_s=t[:n], enu=d.enu[:n]) for n in (10, 11))
+    assert [len(datums(a, b, one)) for one in few] == [0, 2]
     angles = np.tile([90.0, -3.0, 179.5], (100, 1)) + aside[:, None]
     angles[50] += [20.0, 0.0, -60.0]
     d = apart_by(5.0, 6.0, 0.0, 0.0, wrap(angles))
