@@ -34,13 +34,11 @@ def inferred(chosen, aics, ends=(), **more):
 
     The ends of intervals are half and twice a value where `ends`, (model, term) to them, has none.
     """
-    aics = dict.fromkeys(MODELS, 50.0) | aics
-    fits = {model: fitted(model, aic - 30.0) for model, aic in aics.items()}
-    ends = dict(ends)
+    fits = {model: fitted(model, aics.get(model, 50.0) - 30.0) for model in [*MODELS, *aics]}
 
     def interval(fit, what):
         value = fit.terms.get(what, [0.0])[-1]
-        return ends.get((fit.model, what), (value / 2, 2 * value))
+        return dict(ends).get((fit.model, what), (value / 2, 2 * value))
 
     likelihood = SimpleNamespace(
         interval=interval, duration=1800.0, terms=lambda fit: Terms(np.ones(1), (), np.ones(1)),
