@@ -163,7 +163,8 @@ def test_drawn_bins_have_the_moments_of_white_noise():
     assert many.sum() > 50
     for n, off in ((60, 1e-12), (5000, 1e-4)):  # the middle of a bin stands for it
         outline, recorded = spectrum.outline(n, DT, 3), spectrum.transform(np.zeros(n), DT, 3)
-        for name in "lam count whole length behind uu n m dt".split():  # of a log to be recorded
+        # Of a log not recorded yet.
+        for name in ("lam", "count", "whole", "length", "behind", "uu", "n", "m", "dt"):
             now, then = getattr(outline, name), getattr(recorded, name)
             np.testing.assert_allclose(now, then, rtol=0, atol=off)
     ramp, first = drawn.zy[:, 1], drawn.zy[:, 0]
