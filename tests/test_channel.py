@@ -46,7 +46,8 @@ def test_a_disturbance_reaches_parameters_and_fit():
 def test_both_allan_curves_and_the_model_over_them():
     """property: of a log with a trend the curve without its line is lower, and both are named.
 
-    The picture draws the model with the line over the first, and marks N and K.
+    The picture draws the model with the line over the first, and marks N and K. A step that is
+    fitted leaves what is said of the floor.
     """
     rng, dt = np.random.default_rng(15), 0.1
     y = rng.standard_normal(20_000) + np.cumsum(0.02 * rng.standard_normal(20_000))
@@ -63,6 +64,9 @@ def test_both_allan_curves_and_the_model_over_them():
     arw, rrw, end = found.parameters["arw"], found.parameters["rrw"], found.allan.tau[-1]
     assert marks["N"] == pytest.approx((1.0, arw.value))
     assert marks["K"] == pytest.approx((end, rrw.value * np.sqrt(end / 3)))
+    stepped = as_gyro(y + 8.0 * (np.arange(20_000) > 9000), dt, rng=rng)
+    bound, other = (one.parameters["bias_instability"].high for one in (found, stepped))
+    assert stepped.fit["terms"] and other == pytest.approx(bound, rel=0.01)
 
 
 @pytest.mark.parametrize("detrend", [True, False])
@@ -123,11 +127,3 @@ def test_what_changes_in_all_axes_widens_each_that_was_fitted():
         ends = np.log([one.parameters["sigma_b"].low, one.parameters["sigma_b"].high])
         assert ends == pytest.approx(np.hypot(np.log(2), told.widens) * [-1, 1])
     assert joined(gyros[:2], 400.0)[0] == found[0] and joined([], 400.0) == ()
-
-
-def test_a_floor_is_that_of_the_log_without_its_terms():
-    """property: a step of eight deviations, which is fitted, leaves the bound of the floor."""
-    logs = ((QUIET + WALK)[:8000] + size * (np.arange(8000) > 4000) for size in (0.0, 8.0))
-    plain, found = (as_gyro(y, 0.1) for y in logs)
-    bound, other = (one.parameters["bias_instability"].high for one in (plain, found))
-    assert found.fit["terms"] and other == pytest.approx(bound, rel=0.01)
