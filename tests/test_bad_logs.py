@@ -51,6 +51,7 @@ def test_an_answer(case, kind):
         warnings.simplefilter("error")
         of = {"name": "x", "unit": {"rate": "deg/s", "angle": "deg"}[kind], "kind": kind}
         found = characterise(ANSWERED[case], DT, **of, rng=np.random.default_rng(0))
+    assert ("bias_instability" in found.parameters) == (kind == "rate")
     for name, e in found.parameters.items():
         known = [v for v in (e.low, e.value, e.high) if v is not None]
         assert np.all(np.isfinite(known)), name

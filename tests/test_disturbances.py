@@ -383,21 +383,12 @@ def test_what_is_wrong_with_samples_is_found_in_turn():
         np.testing.assert_array_equal(left, log)
 
 
-def disturbed(kind):
-    """White noise of unit level that breaks the model, with its root mean square."""
-    white, part = rng(4).standard_normal(N), np.arange(N) / N
-    level = {
-        "normal": 1.0,
-        "doubled": np.where(part < 0.5, 1.0, 2.0),
-        "rise": 1 + 0.5 * part,
-        "loud": np.where((part > 0.43) & (part < 0.53), 8.0, 1.0),
-        "contaminated": np.where(rng(2).random(N) < 0.01, 10.0, 1.0),
-    }.get(kind)
-    if level is None:
-        degrees = float(kind[1:])
-        variance = degrees / (degrees - 2) if degrees > 2 else np.inf
-        return rng().standard_t(degrees, N), np.sqrt(variance)
-    return level * white, np.sqrt(np.mean(level**2))
+PART = np.arange(N) / N
+LEVELS = {
+    "normal": 1.0, "doubled": np.where(PART < 0.5, 1.0, 2.0), "rise": 1 + 0.5 * PART,
+    "loud": np.where((PART > 0.43) & (PART < 0.53), 8.0, 1.0),
+    "contaminated": np.where(rng(2).random(N) < 0.01, 10.0, 1.0),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -411,7 +402,10 @@ def test_uneven_noise_holds_or_is_refused(kind, named, resolved):
     """property: each disturbance is named, and the interval holds the root mean square or N is
     refused with a bound that does.
     """
-    y, truth = disturbed(kind)
+    if kind in LEVELS:
+        y, truth = LEVELS[kind] * rng(4).standard_normal(N), np.sqrt(np.mean(LEVELS[kind] ** 2))
+    else:
+        y, truth = rng().standard_t(int(kind[1:]), N), t(int(kind[1:])).std()
     found = uneven(y, DT, 1, float(y.std()))
     assert named <= {d.kind for d in found} and bool(named) == bool(found)
     error = 1.96 / np.sqrt(2 * N)

@@ -6,7 +6,6 @@ import pytest
 
 from analysis import WrongUsage, store
 from analysis.claims import FEWEST_LOGS
-from analysis.noise import cep, simulate_fixes
 from studies import ensembles
 
 LIVE = {"midg-roll": 1, "kvh-yaw": 1, "cep-midg": 5, "terrain-bias": 2, "terrain-recipe": 2}
@@ -48,13 +47,3 @@ def test_stored_intervals_hold_the_truth():
         inside = (np.nan_to_num(low, nan=0.0) <= truth) & (truth <= np.nan_to_num(high, nan=np.inf))
         # Three standard errors of 200 trials.
         assert 0.90 <= inside.mean() <= 0.995
-
-
-def test_simulated_fixes_have_their_cep():
-    """analytic: the radius that was asked for, correlated or not, and five outliers in each log."""
-    fixes = simulate_fixes(3.7, 800_000, 1.0, np.random.default_rng(6), differential=True)
-    # About 10,000 independent positions: the median radius has a standard error of 0.7 %.
-    assert cep(fixes["north"], fixes["east"]).value == pytest.approx(3.7, rel=0.025)
-    wide = [np.ptp(np.quantile(axis, [0.1, 0.9])) for axis in fixes.values()]
-    assert wide[2] / wide[0] == pytest.approx(1.5, rel=0.02)  # VERTICAL
-    assert np.sum(np.hypot(fixes["north"], fixes["east"]) > 30) == 5

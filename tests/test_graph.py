@@ -59,6 +59,10 @@ def test_white_noise_is_read_where_the_slope_is():
         curve = AllanCurve(tau[::every], 10 ** x[::every] ** 2, *[tau[::every]] * 3)
         np.testing.assert_allclose(graph.slopes(curve), expected, atol=1e-9)
     assert np.isnan(graph.slopes(AllanCurve(*[tau[:2]] * 5))).all()
+    curve = AllanCurve(*[10 ** np.array([0.0, 0.1, 0.2, 0.31, 1.0, 2.0, 2.29])] * 5)
+    for good, run in (("TTTT..T", [0, 1, 2, 3]), ("TTT..TT", None), ("TTT.TTT", [4, 5, 6])):
+        found = graph._longest_run(curve, np.array([*good]) == "T")
+        assert run == (None if found is None else found.tolist())
 
 
 def test_a_floor_by_its_rules():

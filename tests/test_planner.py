@@ -38,6 +38,9 @@ def test_hours_grow_as_the_square():
     assert b == pytest.approx(4 * a, rel=0.05)
     white = Plan(0.3).relative_error(0.1, 1.0)["sigma_v"]
     assert white == pytest.approx(1.96 / np.sqrt(2 * 36_000), rel=1e-3)
+    # A thousand samples and ten correlation times at least.
+    least = {"sigma_v": 100 / 3600, "sigma_b": 1000 / 3600, "corr_time": 1000 / 3600}
+    assert plan.hours_needed(0.1, 1e3) == pytest.approx(least)
     for endless in (Plan(1.0, 1e-3, 1e7), Plan(1.0, 1.0, 1e9)):
         assert endless.hours_needed(1.0, 0.05)["corr_time"] is None
 

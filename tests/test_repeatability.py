@@ -35,16 +35,6 @@ def test_z_of_a_pair():
     assert repeatability.pairs(table.iloc[::-1])["z"].iloc[0] == pytest.approx(-z)
 
 
-def test_only_resolved_parts_are_compared():
-    """property: a refused part makes no pair, and counts in the share that is resolved."""
-    table = parts_of([1.0, 2.0, 3.0, 4.0], 1.0)
-    table.loc[3, "value"] = np.nan
-    compared = repeatability.pairs(table)
-    assert len(compared) == 3
-    (row,) = repeatability.summary(table, compared).to_dict("records")
-    assert (row["resolved"], row["pairs"], row["channels"]) == (0.75, 3, 1)
-
-
 def test_right_intervals_are_within_in_95_of_100():
     """coverage: 300 channels in quarters with known errors; too narrow intervals show."""
     values = 7 + 0.3 * np.random.default_rng(5).standard_normal((300, 4))

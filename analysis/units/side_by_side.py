@@ -320,7 +320,7 @@ def _factor(t, mine, theirs, least, scale=1.0):
     """
     step = float(np.median(np.diff(t))) if len(t) > 2 else 0.0
     lag = max(1, round(WINDOW_S / step)) if step else 0
-    if not lag or len(t) < 10 * lag // 2:
+    if not lag or len(t) < 5 * lag:
         return None
     x, y = wrap(theirs[lag:] - theirs[:-lag]), wrap(mine[lag:] - mine[:-lag])
     good = np.isfinite(x + y)
