@@ -10,15 +10,18 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 from broken_events import BROKEN, clock_set_back, clock_set_forward, no_times, play, record
+from refused import where_here
 
-from analysis import ROOT, STANDARD_GRAVITY, wrap
+from analysis import ROOT, STANDARD_GRAVITY, store, wrap
 from analysis.tracker import scenario, vectors
 from analysis.tracker.at_rest import LowPass, StaticTest
 from analysis.tracker.attitude import Attitude
 from analysis.tracker.device import BLOCKS, FILTERS, Device, Epoch, Options
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import Frame, LastPosition
+from analysis.tracker.log_replay import replay
 from analysis.tracker.mounting import MountingYaw
+from studies import rides
 from workbench import cli
 
 CLASSES = {  # of each block, and the modules of the same folder that its module needs
@@ -401,3 +404,15 @@ def test_any_block_can_be_left_out(laps, filter, without):
     *_, last = play(laps.given, laps.events, filter=filter, **{w: False for w in [without] if w})
     off = [(last[k] - laps.rows[-1][k]) * 111_000 for k in ("lat_deg", "lon_deg")]
     assert math.hypot(*off) < 15.0
+
+
+def test_real_drives_come_out_as_stored():
+    """cross-check: the straights of a car; a phone that is parked, and one that loses its fixes."""
+    found = {
+        ("tracker-car", "straights"): replay(where_here(rides.read, "car"), Options()).straights,
+        ("tracker-parked", "stand"): where_here(rides.parked)[1]["stand"],
+        ("tracker-cold-phone", "fixes"): where_here(rides.cold_phone)[1]["fixes"],
+    }
+    for (folder, name), now in found.items():  # the metres are stored to a centimetre
+        then = store.read(folder).tables[name]
+        np.testing.assert_allclose(now, then, rtol=1e-4, atol=0.011, err_msg=name)

@@ -10,9 +10,10 @@ import numpy as np
 import pandas as pd
 import pymap3d
 import pytest
+from refused import where_here
 from scipy.spatial.transform import Rotation
 
-from analysis import STANDARD_GRAVITY, WrongUsage, wrap
+from analysis import STANDARD_GRAVITY, WrongUsage, store, wrap
 from analysis.tracker import constrained, doubt, kalman
 from analysis.tracker.attitude import angles
 from analysis.tracker.constrained import ACCEL, GYRO, MOUNT, PLACE, SPEED, STATES, TILT
@@ -22,6 +23,7 @@ from analysis.tracker.log_replay import replay, stepped
 from analysis.tracker.scenarios import ImuErrors, scenario
 from analysis.tracker.smoother import Recorded
 from sensorlogs.timeline import inject_outages
+from studies import rides
 
 EYE = np.eye(3).tolist()
 
@@ -174,13 +176,18 @@ def test_what_it_starts_with():
 
 
 def test_sigmas_are_those_of_the_angles():
-    """cross-check: the covariance through the angles' derivatives, by differences, at no pitch."""
-    C, size = Rotation.from_euler("ZYX", [2.0, 0.0, -0.7]).as_matrix().tolist(), 1e-6
-    A = np.random.default_rng(5).standard_normal((STATES, STATES))
-    off = [angles(constrained.turned(C, *turn)) for turn in size * np.eye(3)]
-    J = np.subtract(off, angles(C)).T / size
-    expected = np.sqrt(np.diag(J @ (A @ A.T)[TILT:GYRO, TILT:GYRO] @ J.T))
-    np.testing.assert_allclose(doubt.angle_sigmas(C, A @ A.T), expected, rtol=1e-4)
+    """cross-check: the covariance through the angles' derivatives, by differences.
+
+    That of pitch at any; of roll and yaw, which then share what is about the vertical, at none.
+    """
+    A, size = np.random.default_rng(5).standard_normal((STATES, STATES)), 1e-6
+    for pitch, which in ((0.0, [0, 1, 2]), (-0.9, [1])):
+        C = Rotation.from_euler("ZYX", [2.0, pitch, -0.7]).as_matrix().tolist()
+        off = [angles(constrained.turned(C, *turn)) for turn in size * np.eye(3)]
+        J = np.subtract(off, angles(C)).T / size
+        expected = np.sqrt(np.diag(J @ (A @ A.T)[TILT:GYRO, TILT:GYRO] @ J.T))
+        found = doubt.angle_sigmas(C, A @ A.T)
+        np.testing.assert_allclose(found[which], expected[which], rtol=1e-4)
 
 
 def test_what_is_missing_is_what_the_filter_makes_of_an_error():
@@ -207,12 +214,24 @@ def test_what_is_missing_is_what_the_filter_makes_of_an_error():
     level = slice(TILT, TILT + 2)  # F is of the first order, in steps of 0.2 s
     each = np.sqrt(np.diag(expected))[level]
     assert np.abs((block.missing - expected)[level, level] / np.outer(each, each)).max() < 0.01
+    assert block.missing[TILT + 2][TILT + 2] < variance / 100  # nothing of it is about the vertical
     with_it = np.array(block.P)[TILT:GYRO, TILT:GYRO] + block.missing[TILT:GYRO, TILT:GYRO]
     np.testing.assert_allclose(np.square(block.sigmas), np.diag(with_it), rtol=1e-3)
     block.sample([0.1, 0.0, 0.2], force, dt, static=True)
     assert block._between == 0.0  # what stands does not turn between samples
     block.start((3.0, -4.0), (8.0, 5.0), flat, 0.0, 3.0, 0.3)
     assert not block.missing.any()
+
+
+def test_outages_of_a_real_drive_come_out_as_stored():
+    """cross-check: what is off in outages of a car whose IMU gives ten samples a second.
+
+    By the filter and looking back, as far as it is stored; no noise nor start may be another.
+    """
+    log, stored = where_here(rides.read, "genivi-car"), store.read("tracker-outages").tables
+    found, known = rides._looked_back({"genivi-car": log}), stored["smoothed"].set_index("ride")
+    found = found.drop(columns="ride").astype(float)
+    np.testing.assert_allclose(found, known.loc["genivi-car"], rtol=1e-4)
 
 
 def test_a_fix_of_the_antenna_is_the_derivative_of_its_place():

@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refused import where_here
 from scipy.spatial.transform import Rotation
 
 from analysis import STANDARD_GRAVITY, store
 from analysis.tracker import motion, scenarios
 from analysis.tracker.motion import by_positions, steps, time_lag, vehicle
 from sensorlogs.timeline import Gnss, Imu
+from studies.rides import read
 
 DT, MINUTES = 0.02, 6
 G = np.array([0.0, 0.0, STANDARD_GRAVITY])
@@ -145,3 +147,10 @@ def test_no_piece_of_a_real_ride_is_told_wrongly():
     assert (right | (pieces["kind"] == "open")).all()
     assert pieces["pieces"][right].sum() > pieces["pieces"].sum() / 3
     assert 2 * rides["tilt_deg_s"].drop("racebox").max() < motion.TILTS
+    # As stored is as told here and now.
+    for name, (kind, tilt, *shares) in rides.iterrows():
+        log = where_here(read, name)
+        found = vehicle(log.gnss, log.imu)
+        ends = [(of.value, of.low, of.high) for of in (found.sideways, found.turn)]
+        assert (found.kind, np.ravel(ends)) == (kind, pytest.approx(shares, rel=6e-3))
+        assert found.tilt_deg_s == pytest.approx(tilt, rel=6e-3)
