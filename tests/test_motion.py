@@ -82,6 +82,20 @@ def test_share_sideways_of_a_car_is_one():
             assert np.mean([each.tilt_deg_s for each in found]) == pytest.approx(tilt, rel=0.1)
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "kind"),
+    [([0.9, 0.41, 0.9], [1.1, 1.4, 1.1], "car"), ([0.9, 0.4, 0.9], [1.1, 1.41, 1.1], "open"),
+     ([0.9, -0.2, 0.9], [1.1, 0.49, 1.1], "leans"), ([-0.1, 0.9, 0.9], [0.51, 1.1, 1.1], "open"),
+     ([-0.1, 0.9, 0.9], [0.49, 1.1, 1.1], "unlike"), ([0.9, 0.9, -0.1], [1.1, 1.1, 0.4], "unlike")],
+)  # fmt: skip
+def test_intervals_decide_how_a_vehicle_moves(monkeypatch, low, high, kind):
+    """known case: of the shares felt ahead and sideways, and of the turns, about values of one."""
+    gnss, imu = moved("car", np.random.default_rng([8, 0]), noise=0.1)
+    monkeypatch.setattr(motion, "_wider", lambda blocks: 1.0)
+    monkeypatch.setattr(motion.resampling, "interval", lambda shares: np.array([low, high]))
+    assert vehicle(gnss, imu).kind == kind
+
+
 def test_steps_of_four_fixes():
     """known case: changes between fixes, means of the IMU; slow, long and empty steps are none."""
     t, nan = np.array([10.0, 11, 12, 12.5, 15, 16, 17, 18, 19]), np.full(9, np.nan)
@@ -121,7 +135,8 @@ def test_a_known_lag_comes_back(late, even):
     assert found.low <= found.value <= found.high < found.low + 0.08
     other = replace(imu, t_s=imu.t_s - late, gyro_b=-57.3 * imu.gyro_b, accel_b=imu.accel_b / 9.8)
     assert time_lag(gnss, other).value == pytest.approx(found.value, abs=1e-6)
-    assert time_lag(gnss, replace(imu, t_s=imu.t_s - 3.3)).value is None
+    for other in (replace(imu, t_s=imu.t_s - 3.3), Imu(*(of[:0] for of in vars(imu).values()))):
+        assert time_lag(gnss, other).value is None
 
 
 def test_the_interval_of_a_lag_covers():
