@@ -341,6 +341,9 @@ def test_what_an_epoch_tells_the_mounting():
         assert device.attitude.epoch.call_args.args[:3] == (False, 3.5 - 2 * math.pi, sigma)
         device.upright.step.assert_called_with(pytest.approx(force.mean(axis=0)), 0.5)
         device.upright.level.assert_called_with(pytest.approx(force.mean(axis=0)))
+        assert not device.mounting.interrupt.called
+    device._orient(3.0, False, True, 3.0, 0.0, 0.5)  # a stop ends a straight
+    assert device.mounting.interrupt.call_count == 1 == device.mounting.step.call_count - 1
 
 
 def test_what_an_epoch_tells_the_filters():

@@ -331,6 +331,8 @@ def test_the_reference_interpretation_is_the_default_of_every_factor():
     theirs = Setup.reference(open_choices.LAP_M).coarser(open_choices.STEP_M)
     assert replace(mine.setup(), span=None, R=theirs.R) == theirs
     assert pytest.approx(theirs.R) == mine.sensors({})[open_choices.MEMS].R
+    stored = store.read("real-laps").source["setup"]["R"]
+    assert pytest.approx(stored, abs=1e-6) == Setup.reference(open_choices.LAP_M).R
     words = " ".join(row["chosen here"] for row in terrain_data.in_words(theirs).values())
     for level in ("integrated", "pitch", "zero", "200 s", "1557 m", "11 m/s", "0.5 m", "exact"):
         assert level in words
