@@ -3,6 +3,7 @@
 import ast
 import doctest
 import math
+import re
 import sys
 from itertools import product
 from unittest.mock import Mock
@@ -60,22 +61,13 @@ def imports(module):
     """Gather what a module of the tracker needs: modules beside it, and others."""
     own, other, todo = set(), set(), [module]
     while todo:
-        path = ROOT / "analysis" / "tracker" / f"{todo.pop()}.py"
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom):
-                names = [node.module]
-                if node.module == "analysis.tracker":
-                    names = [f"analysis.tracker.{alias.name}" for alias in node.names]
-            elif isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            else:
-                continue
-            for name in names:
-                if not name.startswith("analysis."):
-                    other.add(name.split(".")[0])
-                elif name.split(".")[2] not in own:
-                    own.add(name.split(".")[2])
-                    todo.append(name.split(".")[2])
+        text = (ROOT / "analysis" / "tracker" / f"{todo.pop()}.py").read_text(encoding="utf-8")
+        names = set(re.findall(r"^ *(?:from|import) (\S+)", text, re.M))
+        inside = {name for name in names if name.startswith("analysis.tracker.")}
+        other |= {name.split(".")[0] for name in names - inside}
+        beside = {name.split(".")[2] for name in inside}
+        todo += beside - own
+        own |= beside
     return own, other
 
 

@@ -82,18 +82,18 @@ def test_share_sideways_of_a_car_is_one():
             assert np.mean([each.tilt_deg_s for each in found]) == pytest.approx(tilt, rel=0.1)
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "kind"),
-    [([0.9, 0.41, 0.9], [1.1, 1.4, 1.1], "car"), ([0.9, 0.4, 0.9], [1.1, 1.41, 1.1], "open"),
-     ([0.9, -0.2, 0.9], [1.1, 0.49, 1.1], "leans"), ([-0.1, 0.9, 0.9], [0.51, 1.1, 1.1], "open"),
-     ([-0.1, 0.9, 0.9], [0.49, 1.1, 1.1], "unlike"), ([0.9, 0.9, -0.1], [1.1, 1.1, 0.4], "unlike")],
-)  # fmt: skip
-def test_intervals_decide_how_a_vehicle_moves(monkeypatch, low, high, kind):
+def test_intervals_decide_how_a_vehicle_moves(monkeypatch):
     """known case: of the shares felt ahead and sideways, and of the turns, about values of one."""
-    gnss, imu = moved("car", np.random.default_rng([8, 0]), noise=0.1)
+    ride = moved("car", np.random.default_rng([8, 0]), noise=0.1)
     monkeypatch.setattr(motion, "_wider", lambda blocks: 1.0)
-    monkeypatch.setattr(motion.resampling, "interval", lambda shares: np.array([low, high]))
-    assert vehicle(gnss, imu).kind == kind
+    for low, high, kind in (
+        ([0.9, 0.41, 0.9], [1.1, 1.4, 1.1], "car"), ([0.9, 0.4, 0.9], [1.1, 1.41, 1.1], "open"),
+        ([0.9, -0.2, 0.9], [1.1, 0.49, 1.1], "leans"), ([-0.1, 0.9, 0.9], [0.51, 1.1, 1.1], "open"),
+        ([-0.1, 0.9, 0.9], [0.49, 1.1, 1.1], "unlike"), ([0.9, 0.9, -0.1], [1.1, 1.1, 0], "unlike"),
+    ):  # fmt: skip
+        ends = np.array([low, high])
+        monkeypatch.setattr(motion.resampling, "interval", lambda shares, ends=ends: ends)
+        assert vehicle(*ride).kind == kind
 
 
 def test_steps_of_four_fixes():

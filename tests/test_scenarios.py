@@ -113,6 +113,7 @@ def test_a_body_rocks_on_its_springs():
     course = np.radians(d.course_deg[-1])
     back = 40 * (rate[40] - rate[39])  # the roof goes forward as the nose goes down
     assert felt @ [np.cos(course), np.sin(course), 0] == pytest.approx(-back, rel=0.05)
+    assert felt[2] == pytest.approx(-STANDARD_GRAVITY)
 
 
 def test_where_each_one_goes():

@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pymap3d
 import pytest
+from refused import refused, where_here
 from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
@@ -368,13 +369,12 @@ def test_a_lap_of_ones_own_is_laid_on_the_map(tmp_path):
 def test_a_log_without_rtk_or_an_antenna_is_refused(tmp_path, made, words):
     """Property: one sentence that names the file and what it lacks."""
     path = write_log(tmp_path / "mine.mat", van_on("ccw", slice(0, 200)), **made)
-    with pytest.raises(CannotAnswer, match=words):
-        terrain_data.lap_and_map(path, "ccw")
+    refused(CannotAnswer, words, terrain_data.lap_and_map, path, "ccw")
 
 
 def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
     """Property: a lap off the map, one against its direction, a missing file: a sentence each."""
-    away = van_on("ccw", slice(0, 300))
+    away, mine, laid = van_on("ccw", slice(0, 300)), tmp_path / "mine.mat", terrain_data.lap_and_map
     away[:, 200:] += [40.0, 60.0, 0.0]
     away[:, 250:] += [40.0, 60.0, 0.0]  # twice as far: that is told
     for lap, words in (
@@ -382,14 +382,10 @@ def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
         (van_on("ccw", backward=True), r"mine\.mat: the lap runs against the map's direction"),
         (van_on("cw"), "against the map's direction"),
     ):
-        with pytest.raises(CannotAnswer, match=words):
-            terrain_data.lap_and_map(write_log(tmp_path / "mine.mat", lap), "ccw")
-    with pytest.raises(CannotAnswer, match=r"^missing\.mat: no such file$"):
-        terrain_data.lap_and_map(tmp_path / "missing.mat", "ccw")
-    with pytest.raises(WrongUsage, match="no direction 'north'; there are: ccw, cw"):
-        terrain_data.lap_and_map(tmp_path / "mine.mat", "north")
-    with pytest.raises(WrongUsage, match="no lap 'x'"):
-        terrain_data.lap("x")
+        refused(CannotAnswer, words, laid, write_log(mine, lap), "ccw")
+    refused(CannotAnswer, r"^missing\.mat: no such file$", laid, tmp_path / "missing.mat", "ccw")
+    refused(WrongUsage, "no direction 'north'; there are: ccw, cw", laid, mine, "north")
+    refused(WrongUsage, "no lap 'x'", terrain_data.lap, "x")
 
 
 def test_files_that_are_no_laps_are_refused(tmp_path):
@@ -400,8 +396,7 @@ def test_files_that_are_no_laps_are_refused(tmp_path):
         path.write_bytes(content)
         with pytest.raises(CannotAnswer, match=r"bad\.mat: a MATLAB v7\.3 or HDF5 .* cut off"):
             terrain_data.lap_and_map(path, "ccw")
-        with pytest.raises(CannotAnswer, match=r"bad\.mat: .*(not |damaged)"):
-            road_logs.highway(path)
+        refused(CannotAnswer, r"bad\.mat: .*(not |damaged)", road_logs.highway, path)
 
 
 def test_a_map_with_a_gap_is_refused():
@@ -409,8 +404,7 @@ def test_a_map_with_a_gap_is_refused():
     laps = [drive(1)[0], drive(1, start=-20.4)[0]]
     line = line_of(laps)
     parts = [columns(lap, line) for lap in laps]
-    with pytest.raises(CannotAnswer, match="one lap makes no map"):
-        map_of(parts[:1], line)
+    refused(CannotAnswer, "one lap makes no map", map_of, parts[:1], line)
     parts[0].pitch_deg[abs(parts[0].s_m % LENGTH - 315) < 15] = np.nan
     made = map_of(parts, line)
     assert made.laps.min() == 1 and made.laps.max() == 2
@@ -431,14 +425,10 @@ def test_raw_laps_lie_on_their_own_map_only():
     """Property: the real files, brought in as a reader's own, are the committed laps again."""
     for name, direction in surveys.DIRECTION_OF.items():
         file = f"{terrain_data.TRACK}/mapping_van_2024-08-05-{name}_merged.mat"
-        try:
-            path = datasets.path(file)
-        except datasets.NotHere as error:
-            pytest.skip(str(error))
+        path = where_here(datasets.path, file)
         other = next(d for d in ("ccw", "cw") if d != direction)
         lap, known = terrain_data.lap_and_map(path, direction)[0], terrain_data.lap(name)
         for key in ("s_m", "pitch_deg"):
             np.testing.assert_allclose(getattr(lap, key), getattr(known, key), atol=1e-3)
         np.testing.assert_allclose(lap.wheel_m, known.wheel_m, rtol=2e-3, atol=0.1)
-        with pytest.raises(CannotAnswer, match="against the map's direction"):
-            terrain_data.lap_and_map(path, other)
+        refused(CannotAnswer, "against the map's direction", terrain_data.lap_and_map, path, other)
