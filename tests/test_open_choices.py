@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import asdict, replace
-from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -259,23 +258,14 @@ def test_the_stored_sweeps_hold_the_claims_cells_and_their_coverage():
     assert (spread := covered["high"] / covered["low"])[4200] < 1.6 < spread[300]
 
 
-@cache
-def recorded():
-    """Read the notebook and the verdict of each claim of the terrain paper, by id."""
-    table = pd.read_csv(FIGURES / "claims.csv")
-    table = table[table["id"].str.startswith("terrain-")]
-    rows = table[["id", "notebook", "verdict"]].to_numpy()
-    return {id_: (of, verdict) for id_, of, verdict in rows}
-
-
 def test_conditions_of_verdicts_on_the_terrain_paper_are_few():
     """property: noise as the paper did or as a car does, a data sheet; none is invented."""
-    verdicts = {claim: verdict for claim, (_, verdict) in recorded().items()}
-    told = {k: of for k, of in verdicts.items() if of.startswith(("reproduced", "not reproduced"))}
-    conditions = {claim: verdict.partition(" if ")[2] for claim, verdict in told.items()}
+    table = pd.read_csv(FIGURES / "claims.csv").set_index("id").filter(like="terrain-", axis=0)
+    told = table[table["verdict"].str.startswith(("reproduced", "not reproduced"))]
+    conditions = told["verdict"].str.partition(" if ")[2]
     assert len(conditions) > 40
-    assert {k for k, of in conditions.items() if "brochure" in of} == BROCHURE
-    of_24 = [of for k, of in conditions.items() if recorded()[k][0] == "24-which-reading"]
+    assert set(conditions.index[conditions.str.contains("brochure")]) == BROCHURE
+    of_24 = conditions[told["notebook"] == "24-which-reading"]
     whole = {re.sub(r"(, |^)R is R₀ \([^()]* R(₀)?\)$", "", of) for of in of_24}
     assert whole <= {"", claims.ON_ATTITUDE, claims.INTEGRATED}
 
