@@ -400,9 +400,7 @@ def test_a_summary_by_hand():
         for moved in (None, 400.0)
     ]
     found = log_replay._summary(log, Options(static=False), columns, devices, 4)
-    starts, known = found.pop("starts"), ("from_s", "to_s", "static_seconds", "moved_while_off_m")
-    assert [[of[k] for k in known] for of in starts] == [[0, 3, 2, None], [10, 12, 1, 400]]
-    assert [*starts[1]["fixes"].values()] == [2, 1, 1, 0.0, 1.0, 0.0]  # as those of the whole
+    assert [start["static_seconds"] for start in found.pop("starts")] == [2.0, 1.0]
     assert found.pop("options")["bridge_s"] == 60.0
     blocks = dict.fromkeys(BLOCKS, "on") | {"static": "off"}
     assert found == {

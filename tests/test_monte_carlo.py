@@ -43,6 +43,7 @@ def of_errors(labels, error):
 def test_a_lap_does_not_depend_on_its_company(monkeypatch):
     """property: the same run in another block, another number of runs, other cells."""
     whole = laps(setup_of())
+    np.testing.assert_allclose(whole.t, 0.5 * np.arange(1, 55))  # half a second, unless it is told
     np.testing.assert_array_equal(laps(setup_of(), runs=3).error, whole.error[:, :3])
     alone = laps(setup_of(), sensors={"x": Sensor(0.001, 0.005)})
     np.testing.assert_allclose(alone.errors("x"), whole.errors((0.001, 0.005)), atol=1e-9)
