@@ -163,8 +163,7 @@ def tumbled_then_left(seconds=200, tumble=60):
     up *= 9.81 / np.linalg.norm(up, axis=1)[:, None]
     accel = np.where(handled, up, [0.3, -0.2, -9.80]) + rng.normal(0, 0.01, (seconds, 3))
     still = np.zeros(seconds)
-    lat, lon, height = (still + x for x in Scenario.origin)
-    gnss = Gnss(t, lat, lon, height, still + 2.0, still, still, still == 0)
+    gnss = Gnss(t, *(still + x for x in Scenario.origin), still + 2.0, still, still, still == 0)
     return Timeline(gnss, Imu(t, gyro, accel))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pymap3d
 import pytest
-from refused import where_here
+from refused import refused, where_here
 from scipy.spatial.transform import Rotation
 
 from analysis import STANDARD_GRAVITY, WrongUsage, store, wrap
@@ -427,8 +427,7 @@ def test_wheels_cut_the_error_in_outages_and_looking_back_halves_it():
     rms, held, yaw = np.reshape(numbers, (2, 3, 3)).T
     assert rms[2].sum() < rms[1].sum() / 2 < rms[0].sum() / 6
     assert held[1:].min() > 0.95 and (yaw[2] < yaw[1]).all()
-    with pytest.raises(WrongUsage, match="--smooth belongs to the filter for cars"):
-        replay(log, Options(filter="block6"), smooth=True)
+    refused(WrongUsage, "--smooth belongs to", replay, log, Options(filter="block6"), smooth=True)
 
 
 def test_single_precision_stays_single():

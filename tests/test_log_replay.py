@@ -395,18 +395,15 @@ def test_a_summary_by_hand():
     gnss, imu = SimpleNamespace(t_s=columns["t_s"]), SimpleNamespace(t_s=np.array([0, 0.2, 0.4, 2]))
     log = Timeline(gnss, imu, None, ("said",), {"log": "hash"}, restarts_s=(10.0,))
     mounting = SimpleNamespace(mount=math.pi / 2, sigma=math.pi / 90, printed=None)
-    devices = [
-        SimpleNamespace(last=SimpleNamespace(moved_while_off=moved), mounting=mounting)
-        for moved in (None, 400.0)
-    ]
-    found = log_replay._summary(log, Options(static=False), columns, devices, 4)
+    device = SimpleNamespace(last=SimpleNamespace(moved_while_off=400.0), mounting=mounting)
+    found = log_replay._summary(log, Options(static=False), columns, [device] * 2, 4)
     assert [start["static_seconds"] for start in found.pop("starts")] == [2.0, 1.0]
     assert found.pop("options")["bridge_s"] == 60.0
     blocks = dict.fromkeys(BLOCKS, "on") | {"static": "off"}
     assert found == {
         "source": {"files": {"log": "hash"}, "start_utc": None, "duration_s": 12.0, "epochs": 7,
                    "imu_samples": 4, "imu_rate_hz": pytest.approx(5.0)},
-        "blocks": blocks, "moved_while_off_m": None, "number_type": "float64",
+        "blocks": blocks, "moved_while_off_m": 400.0, "number_type": "float64",
         "fixes": {"with_fix": 5, "accepted": 3, "refused": 2, "first_fix_s": 1.0,
                   "first_accepted_s": 2.0, "first_output_s": 1.0},
         "static": {"seconds": 3.0, "seconds_in_layer": [2.0, 0.0, 1.0], "wake_ups": 2},

@@ -242,6 +242,16 @@ def test_measures_are_numpys(places):
             assert found[name].loc[row].to_numpy() == pytest.approx(expected)
 
 
+def test_laps_are_put_together_each_at_its_own_moments():
+    """known case: first, middle and last of five and of nine moments, lap after lap."""
+    pairs = [(t, np.array([[t, t + 100]])) for t in (np.arange(5.0), np.arange(9.0))]
+    tracked = [monte_carlo.Laps(("x",), t, 11 * t, error, error**2) for t, error in pairs]
+    both = monte_carlo.Laps.crossed_of(tracked, 3)
+    assert (both.places, both.t.tolist(), both.distance.tolist()) == (2, [0, 2, 4], [0, 22, 44])
+    assert both.error.tolist() == [[[0, 2, 4], [100, 102, 104], [0, 4, 8], [100, 104, 108]]]
+    assert (both.variance == both.error**2).all()
+
+
 def test_bounds_of_the_nees():
     """published: chi-square of one and of ten degrees, 2.5 and 97.5 %."""
     assert monte_carlo.nees_bounds(1) == pytest.approx((0.000982, 5.0239), rel=1e-3)
