@@ -195,8 +195,7 @@ def test_receiver_operating_curve():
     """analytic: values 0..9 at rest, 5..14 in motion: at a threshold of 7 they are 80 and 30 %."""
     values = np.r_[np.arange(10.0), np.arange(5.0, 15.0), np.nan]
     stopped = np.r_[np.ones(10, bool), np.zeros(11, bool)]
-    moving = np.r_[np.zeros(10, bool), np.ones(11, bool)]
-    curve = drives.receiver_operating(values, stopped, moving, points=10).set_index("threshold")
+    curve = drives.receiver_operating(values, stopped, ~stopped, points=10).set_index("threshold")
     assert curve["stopped"][7.0] == 0.8
     assert curve["moving"][7.0] == pytest.approx(3 / 11)  # one without a value counts as motion
     assert (np.diff(curve, axis=0) >= 0).all()

@@ -6,14 +6,12 @@ import pytest
 from analysis import WrongUsage
 from analysis.terrain import assumptions
 
-SEED = 20110
-
 
 @pytest.mark.parametrize("start", assumptions.STARTS)
 @pytest.mark.parametrize("corr_time", [0.5, 20.0, 200.0, np.inf])
 def test_attitude_error_has_its_closed_form_variance(start, corr_time):
     """analytic: N^2 t + B^2 g(t), whatever the sampling interval, from both starts."""
-    streams, n = np.random.SeedSequence(SEED).spawn(3000), 41
+    streams, n = np.random.SeedSequence(20110).spawn(3000), 41
     for dt in (0.05, 1.0):
         walk, bias = assumptions.unit_paths(n, dt, corr_time, streams, start=start)
         for k in (1, 7, 40):

@@ -91,8 +91,7 @@ def test_intervals_decide_how_a_vehicle_moves(monkeypatch):
         ([0.9, -0.2, 0.9], [1.1, 0.49, 1.1], "leans"), ([-0.1, 0.9, 0.9], [0.51, 1.1, 1.1], "open"),
         ([-0.1, 0.9, 0.9], [0.49, 1.1, 1.1], "unlike"), ([0.9, 0.9, -0.1], [1.1, 1.1, 0], "unlike"),
     ):  # fmt: skip
-        ends = np.array([low, high])
-        monkeypatch.setattr(motion.resampling, "interval", lambda shares, ends=ends: ends)
+        monkeypatch.setattr(motion.resampling, "interval", lambda _, of=(low, high): np.array(of))
         assert vehicle(*ride).kind == kind
 
 

@@ -173,6 +173,20 @@ def test_numbers_of_made_laps():
     assert all(of.shape == (51,) for of in found.values())
 
 
+def test_what_a_dearer_sensor_does_not_buy():
+    """known case: a step without a gain has no price, and a last one without is infinitely dear."""
+    variance = np.array([[64.0, 70, 16, 4], [64, 36, 40, 4], [64, 36, 16, 20], [64, 36, 16, 80]])
+    prices = np.outer([100.0, 1000.0, 2000.0, 10000.0], [1.0, 1.0])
+    found = open_choices._of_prices(variance, variance, prices, np.random.default_rng(SEED))
+    for name, known in {
+        "precision-costs-ever-more": [np.nan, 28 / 900 / (36 / 8000), np.inf, np.inf],
+        "conclusion-same-gain-dearer": [54 / 1000 / (12 / 8000), np.nan, np.inf, np.inf],
+        "fig13-diminishing-returns": [np.nan, 32 / 280, 16 / 280, -44 / 280],
+        "conclusion-marginal-gain": [-6 / 60, 28 / 60, 28 / 44, np.nan],
+    }.items():
+        np.testing.assert_allclose(found[name], known, err_msg=name)
+
+
 def test_every_judged_claim_of_the_sweeps_and_prices_is_there():
     """property: the interpretations leave out no claim on the simulated laps of 21 to 23."""
     published = pd.read_csv(DATA / "published" / "claims.csv").set_index("id")
@@ -185,7 +199,11 @@ def test_every_judged_claim_of_the_sweeps_and_prices_is_there():
 
 
 def test_the_design_has_every_level_about_equally_often():
-    """property: a Sobol' sample over the levels, and each level once about either centre."""
+    """property: a Sobol' sample over the levels, and each level once about either centre.
+
+    The levels are those of the stored study.
+    """
+    assert {k: [*of] for k, of in FACTORS.items()} == store.read("readings").source["levels"]
     plan = open_choices.design(256, SEED)
     sample = plan[plan["why"] == "sample"]
     for name, levels in FACTORS.items():
