@@ -201,9 +201,7 @@ def test_what_is_missing_is_what_the_filter_makes_of_an_error():
     last[:] = [0.0] * 3
     off = [moved(block, size * np.eye(STATES)[k]) for k in (TILT, TILT + 1)]
     for one in (block, *off):
-        for _ in range(100):
-            one.sample(last, force, dt)
-        one.update((35.32, 16.2), (8.0, 5.0), 3.0, 0.3)
+        fed(one, last, force, 100, dt).update((35.32, 16.2), (8.0, 5.0), 3.0, 0.3)
     spread = np.transpose([difference(block, one) for one in off]) / size
     variance = 0.5 * dt**2 * (0.04**2 + 0.04**2 + 0.02**2)
     expected = variance * spread @ spread.T
@@ -434,9 +432,7 @@ def test_single_precision_stays_single():
     """property: in float32 every state is float32; `test_log_replay` has how well it agrees."""
     block, numbers = constrained.Constrained(np.float32), [np.float32(x) for x in (0.1, 0.2, 0.3)]
     block.start((1.0, 2.0), (8.0, 5.0), (EYE, numbers, [0.0, 0.0, 1.0]), 0.0, 3.0, 0.3)
-    for _ in range(30):
-        block.sample(numbers, numbers, 0.02)
-    assert {type(p) for row in block.P for p in row} == {np.float32}
+    assert {type(p) for row in fed(block, numbers, numbers, 30).P for p in row} == {np.float32}
 
 
 def test_a_lever_arm_arrives():

@@ -63,10 +63,9 @@ def test_covariance_stays_positive(number):
     for second in range(1800):
         for _ in range(10):
             block.predict([number(a) for a in rng.normal(0, 0.5, 3)], 0.1, 0.3)
-        position = [0.0, 0.0, 0.0] if second % 7 else None
-        velocity = (0.0, 0.0) if second % 3 else None
-        if position or velocity:
-            block.update(position, velocity, 3.0, 0.2)
+        given = [0.0] * 3 if second % 7 else None, (0.0, 0.0) if second % 3 else None
+        if any(given):
+            block.update(*given, 3.0, 0.2)
     states = (*block.position, *block.velocity, *block.bias, *block._level)
     assert {type(state) for state in states} == {number}
     assert np.linalg.eigvalsh(dense(block._level, block._height).astype(float)).min() > 0

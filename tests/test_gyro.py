@@ -20,8 +20,8 @@ def test_attitude_error_has_its_closed_form_variance(start, corr_time):
             assert walk[k].var() == pytest.approx(t, rel=0.11)
             expected = assumptions.attitude_variance(t, 0.0, 1.0, corr_time, start=start)
             assert (bias[k] ** 2).mean() == pytest.approx(float(expected), rel=0.11, abs=1e-12)
-            together = (walk[k] * bias[k]).mean()  # independent: four sigma of 3000
-            assert abs(together) <= 0.08 * np.sqrt(t * expected)
+            # Both are independent: four sigma of 3000.
+            assert abs((walk[k] * bias[k]).mean()) <= 0.08 * np.sqrt(t * expected)
 
 
 def test_variance_of_short_times_keeps_its_digits():
