@@ -410,8 +410,9 @@ def test_a_map_with_a_gap_is_refused():
 
 def test_antennas_that_were_never_there_give_no_attitude():
     """Property: a sentence, and no row of nothing."""
-    nothing = [np.full((50, 3), np.nan)] * 3
-    refused(CannotAnswer, "no epoch has a position", antennas.attitude, nothing, AntennaMounting())
+    for place in (np.nan, 7.0):  # nowhere, or all in one place
+        given = [np.full((50, 3), place)] * 3, AntennaMounting()
+        refused(CannotAnswer, "no epoch has a position", antennas.attitude, *given)
 
 
 def test_raw_laps_lie_on_their_own_map_only():
