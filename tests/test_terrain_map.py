@@ -96,14 +96,14 @@ def map_of_drives(laps):
 def test_attitude_of_a_known_van():
     """Analytic: antennas placed by a known attitude give that attitude back, to rounding.
 
-    The antenna attitude of the vehicle's is the one without a mounting.
+    The antenna attitude of the vehicle's is the one without a mounting, of a small van too.
     """
     lap, s = drive(1)
     pitch, roll, _ = truth(s)
     yaw, *found = antennas.attitude(lap, MOUNTING)
     np.testing.assert_allclose(found, [pitch, roll], atol=1e-9)
     np.testing.assert_allclose(wrap(yaw - np.degrees(plan(s)[2])), 0.0, atol=1e-9)
-    _, *raw = antennas.attitude(lap, AntennaMounting())
+    _, *raw = antennas.attitude(lap / 9, AntennaMounting())
     np.testing.assert_allclose(MOUNTING.antenna_attitude(*found), raw, atol=1e-9)
 
 
