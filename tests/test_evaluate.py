@@ -79,14 +79,14 @@ def test_the_ellipse_of_an_outage():
         C = np.array(C) + np.triu(C, 1).T
         size = 5.9915 / (off[:, k] @ np.linalg.solve(C, off[:, k]))  # chi-square, 95 %
         off[:, k] *= np.sqrt(size) * (0.99, 1.01)[k % 2]
-    frame, same = Frame((45.0, 180.0, 0.0)), np.ones(n)
-    lon = 180.0 + off[1] / frame.east
+    frame, same = Frame((45.0, 179.99999, 0.0)), np.ones(n)
+    lon = 179.99999 + off[1] / frame.east
     columns = {
         "t_s": t, "out_lat_deg": 45.0 + off[0] / frame.north,
         "out_lon_deg": np.where(lon > 180, lon - 360, lon), "sigma_north_m": sn,
         "sigma_east_m": se, "correlation": rho,
     }  # fmt: skip
-    gnss = Gnss(t, 45.0 * same, 180.0 * same, same, pdop, same, same, t != 7)
+    gnss = Gnss(t, 45.0 * same, 179.99999 * same, same, pdop, same, same, t != 7)
     told = {"metres_per_pdop": 2.0, "sigma_no_pdop": 1.5}
     track = SimpleNamespace(columns=columns, summary={"options": told})
     row, beyond = outage_errors(track, gnss, [(2.0, 20.0), (100.0, 110.0)])
@@ -195,8 +195,7 @@ def test_receiver_operating_curve():
     """analytic: values 0..9 at rest, 5..14 in motion: at a threshold of 7 they are 80 and 30 %."""
     values = np.r_[np.arange(10.0), np.arange(5.0, 15.0), np.nan]
     stopped = np.r_[np.ones(10, bool), np.zeros(11, bool)]
-    moving = np.r_[np.zeros(10, bool), np.ones(11, bool)]
-    curve = drives.receiver_operating(values, stopped, moving, points=10).set_index("threshold")
+    curve = drives.receiver_operating(values, stopped, ~stopped, points=10).set_index("threshold")
     assert curve["stopped"][7.0] == 0.8
     assert curve["moving"][7.0] == pytest.approx(3 / 11)  # one without a value counts as motion
     assert (np.diff(curve, axis=0) >= 0).all()

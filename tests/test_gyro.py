@@ -6,29 +6,22 @@ import pytest
 from analysis import WrongUsage
 from analysis.terrain import assumptions
 
-SEED = 20110
-
-
-def streams(runs):
-    """Spawn the streams of so many runs."""
-    return np.random.SeedSequence(SEED).spawn(runs)
-
 
 @pytest.mark.parametrize("start", assumptions.STARTS)
 @pytest.mark.parametrize("corr_time", [0.5, 20.0, 200.0, np.inf])
 def test_attitude_error_has_its_closed_form_variance(start, corr_time):
     """analytic: N^2 t + B^2 g(t), whatever the sampling interval, from both starts."""
-    runs, n = 3000, 41
+    streams, n = np.random.SeedSequence(20110).spawn(3000), 41
     for dt in (0.05, 1.0):
-        walk, bias = assumptions.unit_paths(n, dt, corr_time, streams(runs), start=start)
+        walk, bias = assumptions.unit_paths(n, dt, corr_time, streams, start=start)
         for k in (1, 7, 40):
             t = k * dt
             # The variance of 3000 Gaussians is known to 2.6 %; four of those.
             assert walk[k].var() == pytest.approx(t, rel=0.11)
             expected = assumptions.attitude_variance(t, 0.0, 1.0, corr_time, start=start)
             assert (bias[k] ** 2).mean() == pytest.approx(float(expected), rel=0.11, abs=1e-12)
-            together = (walk[k] * bias[k]).mean()  # independent: four sigma of 3000
-            assert abs(together) <= 0.08 * np.sqrt(t * expected)
+            # Both are independent: four sigma of 3000.
+            assert abs((walk[k] * bias[k]).mean()) <= 0.08 * np.sqrt(t * expected)
 
 
 def test_variance_of_short_times_keeps_its_digits():
@@ -54,4 +47,4 @@ def test_high_pass_removes_a_constant_and_keeps_what_is_fast():
 def test_an_unknown_start_is_refused():
     """property: a start that does not exist is named, with those that do."""
     with pytest.raises(WrongUsage, match="zero, stationary, turn-on, not 'warm'"):
-        assumptions.unit_paths(3, 0.01, 200.0, streams(1), start="warm")
+        assumptions.unit_paths(3, 0.01, 200.0, [], start="warm")

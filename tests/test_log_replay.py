@@ -168,9 +168,7 @@ def test_gnss_without_imu(laps):
     track = replay(replace(laps[0].log, imu=None), Options(lengths=(10, 10, 10)))
     assert any(note.startswith("no IMU: blocks 2, 5 and 6") for note in notes(track))
     assert np.isnan(track.columns["roll_deg"]).all()
-    layer, static = track.columns["layer"][:-1], track.summary["static"]
-    assert layer.max() >= 1  # the 20 s before setting off
-    assert static["seconds_in_layer"] == [(layer == k).sum() for k in (1, 2, 3)]
+    assert track.columns["layer"].max() >= 1  # the 20 s before setting off
     assert track.columns["moving"][30:-12].all()
 
 
@@ -199,7 +197,7 @@ def shaken(log):
 def wild(log):
     """Scatter fixes over a degree."""
     off = np.random.default_rng(0).normal(size=len(log.gnss.t_s))
-    return with_gnss(replace(log, imu=None), lat_deg=log.gnss.lat_deg + off)
+    return with_gnss(replace(log, imu=None), lat_deg=log.gnss.lat_deg + off, pdop=10.0)
 
 
 def outage(*at):
@@ -386,11 +384,42 @@ def test_what_is_counted_over_epochs():
     assert log_replay._without_imu(imu, np.array(times)) == 3
 
 
-def test_each_start_has_its_summary(capsys):
+def test_a_summary_by_hand():
+    """known case: seven epochs of two starts; the gap between them and the last stand for none."""
+    columns = {
+        "t_s": [0.0, 1, 2, 3, 10, 11, 12], "has_fix": [0, 1, 1, 1, 1, 1, 0],
+        "accepted": [0, 0, 1, 1, 0, 1, 0], "moving": [0, 0, 1, 1, 1, 0, 1],
+        "layer": [1, 1, 0, 0, 0, 3, 0], "out_lat_deg": [np.nan, *[5.0] * 6],
+    }  # fmt: skip
+    columns = {name: np.array(of) for name, of in columns.items()}
+    gnss, imu = SimpleNamespace(t_s=columns["t_s"]), SimpleNamespace(t_s=np.array([0, 0.2, 0.4, 2]))
+    log = Timeline(gnss, imu, None, ("said",), {"log": "hash"}, restarts_s=(10.0,))
+    mounting = SimpleNamespace(mount=math.pi / 2, sigma=math.pi / 90, printed=None)
+    device = SimpleNamespace(last=SimpleNamespace(moved_while_off=400.0), mounting=mounting)
+    found = log_replay._summary(log, Options(static=False), columns, [device] * 2, 4)
+    assert [start["static_seconds"] for start in found.pop("starts")] == [2.0, 1.0]
+    assert found.pop("options")["bridge_s"] == 60.0
+    blocks = dict.fromkeys(BLOCKS, "on") | {"static": "off"}
+    assert found == {
+        "source": {"files": {"log": "hash"}, "start_utc": None, "duration_s": 12.0, "epochs": 7,
+                   "imu_samples": 4, "imu_rate_hz": pytest.approx(5.0)},
+        "blocks": blocks, "moved_while_off_m": 400.0, "number_type": "float64",
+        "fixes": {"with_fix": 5, "accepted": 3, "refused": 2, "first_fix_s": 1.0,
+                  "first_accepted_s": 2.0, "first_output_s": 1.0},
+        "static": {"seconds": 3.0, "seconds_in_layer": [2.0, 0.0, 1.0], "wake_ups": 2},
+        "mounting": {"deg": 90.0, "sigma_deg": pytest.approx(2.0), "printed_rule_deg": None,
+                     "straights": 4},
+        "seconds_without_fix_but_position": 2.0, "notes": ["said"],
+    }  # fmt: skip
+
+
+def test_each_start_has_its_summary(capsys, monkeypatch):
     """property: two starts an hour apart: two summaries, and the gap is no standing time.
 
-    Nothing is printed on the way.
+    Nothing is printed on the way, unless it is asked for.
     """
+    bars = []
+    monkeypatch.setattr(log_replay, "tqdm", lambda of, disable, **_: bars.append(disable) or of)
     gnss, far = ride(200, start=300), np.where(np.arange(200) < 100, 0.0, 3600.0)
     gnss = replace(gnss, t_s=gnss.t_s + far, lat_deg=gnss.lat_deg + far * 1e-6)
     whole = replay(Timeline(gnss, None, restarts_s=(3700.0,)))
@@ -403,8 +432,9 @@ def test_each_start_has_its_summary(capsys):
     assert one["static_seconds"] + two["static_seconds"] == static <= 199.0
     assert any("moved while switched off" in note for note in notes(whole))
     assert capsys.readouterr() == ("", "")
-    gap = replay(Timeline(gnss, None))  # the same without a restart: block 4 does not mix them
-    assert gap.summary["static"]["seconds"] <= 199.0
+    # The same without a restart: block 4 does not mix them.
+    gap = replay(Timeline(gnss, None), progress=True)
+    assert gap.summary["static"]["seconds"] <= 199.0 and bars == [True, None]
 
 
 def test_an_hour_of_driving_in_a_gap_leaves_no_old_place():

@@ -43,6 +43,7 @@ def of_errors(labels, error):
 def test_a_lap_does_not_depend_on_its_company(monkeypatch):
     """property: the same run in another block, another number of runs, other cells."""
     whole = laps(setup_of())
+    np.testing.assert_allclose(whole.t, 0.5 * np.arange(1, 55))  # half a second, unless it is told
     np.testing.assert_array_equal(laps(setup_of(), runs=3).error, whole.error[:, :3])
     alone = laps(setup_of(), sensors={"x": Sensor(0.001, 0.005)})
     np.testing.assert_allclose(alone.errors("x"), whole.errors((0.001, 0.005)), atol=1e-9)
@@ -239,6 +240,16 @@ def test_measures_are_numpys(places):
             "lost": (np.abs(e).max(axis=2) > 10).mean(axis=1),
         }.items():
             assert found[name].loc[row].to_numpy() == pytest.approx(expected)
+
+
+def test_laps_are_put_together_each_at_its_own_moments():
+    """known case: first, middle and last of five and of nine moments, lap after lap."""
+    pairs = [(t, np.array([[t, t + 100]])) for t in (np.arange(5.0), np.arange(9.0))]
+    tracked = [monte_carlo.Laps(("x",), t, 11 * t, error, error**2) for t, error in pairs]
+    both = monte_carlo.Laps.crossed_of(tracked, 3)
+    assert (both.places, both.t.tolist(), both.distance.tolist()) == (2, [0, 2, 4], [0, 22, 44])
+    assert both.error.tolist() == [[[0, 2, 4], [100, 102, 104], [0, 4, 8], [100, 104, 108]]]
+    assert (both.variance == both.error**2).all()
 
 
 def test_bounds_of_the_nees():

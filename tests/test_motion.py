@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refused import where_here
 from scipy.spatial.transform import Rotation
 
 from analysis import STANDARD_GRAVITY, store
 from analysis.tracker import motion, scenarios
 from analysis.tracker.motion import by_positions, steps, time_lag, vehicle
 from sensorlogs.timeline import Gnss, Imu
+from studies.rides import read
 
 DT, MINUTES = 0.02, 6
 G = np.array([0.0, 0.0, STANDARD_GRAVITY])
@@ -80,6 +82,19 @@ def test_share_sideways_of_a_car_is_one():
             assert np.mean([each.tilt_deg_s for each in found]) == pytest.approx(tilt, rel=0.1)
 
 
+def test_intervals_decide_how_a_vehicle_moves(monkeypatch):
+    """known case: of the shares felt ahead and sideways, and of the turns, about values of one."""
+    ride = moved("car", np.random.default_rng([8, 0]), noise=0.1)
+    monkeypatch.setattr(motion, "_wider", lambda blocks: 1.0)
+    for low, high, kind in (
+        ([0.9, 0.41, 0.9], [1.1, 1.4, 1.1], "car"), ([0.9, 0.4, 0.9], [1.1, 1.41, 1.1], "open"),
+        ([0.9, -0.2, 0.9], [1.1, 0.49, 1.1], "leans"), ([-0.1, 0.9, 0.9], [0.51, 1.1, 1.1], "open"),
+        ([-0.1, 0.9, 0.9], [0.49, 1.1, 1.1], "unlike"), ([0.9, 0.9, -0.1], [1.1, 1.1, 0], "unlike"),
+    ):  # fmt: skip
+        monkeypatch.setattr(motion.resampling, "interval", lambda _, of=(low, high): np.array(of))
+        assert vehicle(*ride).kind == kind
+
+
 def test_steps_of_four_fixes():
     """known case: changes between fixes, means of the IMU; slow, long and empty steps are none."""
     t, nan = np.array([10.0, 11, 12, 12.5, 15, 16, 17, 18, 19]), np.full(9, np.nan)
@@ -119,7 +134,8 @@ def test_a_known_lag_comes_back(late, even):
     assert found.low <= found.value <= found.high < found.low + 0.08
     other = replace(imu, t_s=imu.t_s - late, gyro_b=-57.3 * imu.gyro_b, accel_b=imu.accel_b / 9.8)
     assert time_lag(gnss, other).value == pytest.approx(found.value, abs=1e-6)
-    assert time_lag(gnss, replace(imu, t_s=imu.t_s - 3.3)).value is None
+    for other in (replace(imu, t_s=imu.t_s - 3.3), Imu(*(of[:0] for of in vars(imu).values()))):
+        assert time_lag(gnss, other).value is None
 
 
 def test_the_interval_of_a_lag_covers():
@@ -145,3 +161,9 @@ def test_no_piece_of_a_real_ride_is_told_wrongly():
     assert (right | (pieces["kind"] == "open")).all()
     assert pieces["pieces"][right].sum() > pieces["pieces"].sum() / 3
     assert 2 * rides["tilt_deg_s"].drop("racebox").max() < motion.TILTS
+    # As stored is as told here and now.
+    for name, (kind, *known) in rides.iterrows():
+        log = where_here(read, name)
+        told, *shares, tilt = vehicle(log.gnss, log.imu)
+        ends = [end for of in shares for end in (of.value, of.low, of.high)]
+        assert (told, [tilt, *ends]) == (kind, pytest.approx(known, rel=6e-3))

@@ -226,5 +226,4 @@ def test_real_rides_turned_by_known_angles(name, within):
     assert table["lowest_off_deg"].min() >= -within and table["highest_off_deg"].max() <= within
     first = table["last_deg"] - table["turned_deg"]
     assert np.abs((first - first[0] + 180) % 360 - 180).max() < 1.0
-    width = source["reference_high_deg"] - source["reference_low_deg"]
-    assert 0.5 < width < 15.0
+    assert 0.5 < source["reference_high_deg"] - source["reference_low_deg"] < 15.0

@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import asdict, replace
-from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -174,6 +173,20 @@ def test_numbers_of_made_laps():
     assert all(of.shape == (51,) for of in found.values())
 
 
+def test_what_a_dearer_sensor_does_not_buy():
+    """known case: a step without a gain has no price, and a last one without is infinitely dear."""
+    variance = np.array([[64.0, 70, 16, 4], [64, 36, 40, 4], [64, 36, 16, 20], [64, 36, 16, 80]])
+    prices = np.outer([100.0, 1000.0, 2000.0, 10000.0], [1.0, 1.0])
+    found = open_choices._of_prices(variance, variance, prices, np.random.default_rng(SEED))
+    for name, known in {
+        "precision-costs-ever-more": [np.nan, 28 / 900 / (36 / 8000), np.inf, np.inf],
+        "conclusion-same-gain-dearer": [54 / 1000 / (12 / 8000), np.nan, np.inf, np.inf],
+        "fig13-diminishing-returns": [np.nan, 32 / 280, 16 / 280, -44 / 280],
+        "conclusion-marginal-gain": [-6 / 60, 28 / 60, 28 / 44, np.nan],
+    }.items():
+        np.testing.assert_allclose(found[name], known, err_msg=name)
+
+
 def test_every_judged_claim_of_the_sweeps_and_prices_is_there():
     """property: the interpretations leave out no claim on the simulated laps of 21 to 23."""
     published = pd.read_csv(DATA / "published" / "claims.csv").set_index("id")
@@ -186,7 +199,11 @@ def test_every_judged_claim_of_the_sweeps_and_prices_is_there():
 
 
 def test_the_design_has_every_level_about_equally_often():
-    """property: a Sobol' sample over the levels, and each level once about either centre."""
+    """property: a Sobol' sample over the levels, and each level once about either centre.
+
+    The levels are those of the stored study.
+    """
+    assert {k: [*of] for k, of in FACTORS.items()} == store.read("readings").source["levels"]
     plan = open_choices.design(256, SEED)
     sample = plan[plan["why"] == "sample"]
     for name, levels in FACTORS.items():
@@ -259,23 +276,14 @@ def test_the_stored_sweeps_hold_the_claims_cells_and_their_coverage():
     assert (spread := covered["high"] / covered["low"])[4200] < 1.6 < spread[300]
 
 
-@cache
-def recorded():
-    """Read the notebook and the verdict of each claim of the terrain paper, by id."""
-    table = pd.read_csv(FIGURES / "claims.csv")
-    table = table[table["id"].str.startswith("terrain-")]
-    rows = table[["id", "notebook", "verdict"]].to_numpy()
-    return {id_: (of, verdict) for id_, of, verdict in rows}
-
-
 def test_conditions_of_verdicts_on_the_terrain_paper_are_few():
     """property: noise as the paper did or as a car does, a data sheet; none is invented."""
-    verdicts = {claim: verdict for claim, (_, verdict) in recorded().items()}
-    told = {k: of for k, of in verdicts.items() if of.startswith(("reproduced", "not reproduced"))}
-    conditions = {claim: verdict.partition(" if ")[2] for claim, verdict in told.items()}
+    table = pd.read_csv(FIGURES / "claims.csv").set_index("id").filter(like="terrain-", axis=0)
+    told = table[table["verdict"].str.startswith(("reproduced", "not reproduced"))]
+    conditions = told["verdict"].str.partition(" if ")[2]
     assert len(conditions) > 40
-    assert {k for k, of in conditions.items() if "brochure" in of} == BROCHURE
-    of_24 = [of for k, of in conditions.items() if recorded()[k][0] == "24-which-reading"]
+    assert set(conditions.index[conditions.str.contains("brochure")]) == BROCHURE
+    of_24 = conditions[told["notebook"] == "24-which-reading"]
     whole = {re.sub(r"(, |^)R is R₀ \([^()]* R(₀)?\)$", "", of) for of in of_24}
     assert whole <= {"", claims.ON_ATTITUDE, claims.INTEGRATED}
 
@@ -331,6 +339,8 @@ def test_the_reference_interpretation_is_the_default_of_every_factor():
     theirs = Setup.reference(open_choices.LAP_M).coarser(open_choices.STEP_M)
     assert replace(mine.setup(), span=None, R=theirs.R) == theirs
     assert pytest.approx(theirs.R) == mine.sensors({})[open_choices.MEMS].R
+    stored = store.read("real-laps").source["setup"]["R"]
+    assert pytest.approx(stored, abs=1e-6) == Setup.reference(open_choices.LAP_M).R
     words = " ".join(row["chosen here"] for row in terrain_data.in_words(theirs).values())
     for level in ("integrated", "pitch", "zero", "200 s", "1557 m", "11 m/s", "0.5 m", "exact"):
         assert level in words

@@ -148,12 +148,10 @@ def test_a_move_is_found_and_no_move_is_not():
             assert flagged.iloc[-1] < flagged.iloc[0] / 2
 
 
-def drive(wrong=()):
+def drive(wrong):
     """Make a drive to the north at 15 m/s, some fixes moved east by metres, and those errors."""
-    t, frame, east = np.arange(200.0), starts.Frame((45.0, 9.0, 0.0)), np.zeros(200)
-    for k, metres in wrong:
-        east[k] = metres
-    same = np.ones(200)
+    t, frame, same = np.arange(200.0), starts.Frame((45.0, 9.0, 0.0)), np.ones(200)
+    east = np.array([wrong.get(k, 0.0) for k in range(200)])
     gnss = Gnss(
         t, 45.0 + 15.0 * t / frame.north, 9.0 + east / frame.east, same, 2 * same, 15 * same,
         0 * same, same > 0, 3 * same, 8 * same,
@@ -163,7 +161,7 @@ def drive(wrong=()):
 
 def test_fixes_are_judged_by_later_ones():
     """analytic: on a straight drive the error of a wild fix comes out, that of good ones is 0."""
-    gnss, east = drive([(50, 30.0), (51, -12.0)])
+    gnss, east = drive({50: 30.0, 51: -12.0})
     error = drives.errors_by_later_fixes(gnss)
     assert np.isnan(error[-4:]).all()
     np.testing.assert_allclose(error[:190], np.abs(east[:190]), atol=0.05)
@@ -171,7 +169,7 @@ def test_fixes_are_judged_by_later_ones():
 
 def test_a_drive_has_many_starts():
     """property: a start at a wild fix waits for good ones, with the gate alone it takes it."""
-    gnss, _ = drive([(60, 40.0)])
+    gnss, _ = drive({60: 40.0})
     table = drives.starts_of_a_drive(gnss, 20.0).set_index(["criteria", "t_s"])
     names = list(starts.CRITERIA)
     alone, every = table.loc[names[0]], table.loc[names[-1]]

@@ -6,6 +6,7 @@ import tomllib
 import numpy as np
 import pandas as pd
 import pytest
+from refused import refused
 from scipy.stats import linregress
 
 from analysis import DATA, CannotAnswer, datasheets, resampling, store
@@ -30,8 +31,7 @@ def test_power_law_is_a_regression_of_logarithms():
     assert found.b.high - found.b.value == pytest.approx(times * theirs.stderr, rel=1e-5)
     above = np.log(found.A.high / found.A.value)
     assert above == pytest.approx(times * theirs.intercept_stderr, rel=1e-5)
-    with pytest.raises(CannotAnswer, match="needs three sensors, not 2"):
-        PowerLaw.fit(PRICE[:2], VARIANCE[:2])
+    refused(CannotAnswer, "needs three sensors, not 2", PowerLaw.fit, PRICE[:2], VARIANCE[:2])
 
 
 def test_interval_of_the_exponent_covers():
@@ -61,8 +61,7 @@ def test_prices_stay_in_their_ranges_and_order():
     prices = draw_prices(ranges, 500, rng)
     assert prices.shape == (500, 3) and np.all(np.diff(prices, axis=1) > 0)
     assert np.all((np.transpose(ranges)[0] <= prices) & (prices <= np.transpose(ranges)[1]))
-    with pytest.raises(CannotAnswer, match="rising prices"):
-        draw_prices([[5, 6], [1, 2]], 10, rng)
+    refused(CannotAnswer, "rising prices", draw_prices, [[5, 6], [1, 2]], 10, rng)
 
 
 def test_sensor_list_is_whole():
@@ -113,11 +112,9 @@ def test_own_sensor_from_its_model():
     for c in in_rad["channels"]:
         c["unit"] = "rad/s"
     assert Sensor.from_model(in_rad, "gyro_y")[0].arw == pytest.approx(np.degrees(sensor.arw))
-    with pytest.raises(CannotAnswer, match="no rate channel"):
-        Sensor.from_model(model, "accel_x")
+    refused(CannotAnswer, "no rate channel", Sensor.from_model, model, "accel_x")
     model["channels"][1]["parameters"]["arw"]["value"] = None
-    with pytest.raises(CannotAnswer, match="gives no N"):
-        Sensor.from_model(model, "gyro_y")
+    refused(CannotAnswer, "gives no N", Sensor.from_model, model, "gyro_y")
 
 
 def test_the_cheapest_part_that_is_good_enough():

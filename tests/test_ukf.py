@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+from refused import refused
 from scipy.linalg import expm
 
 from analysis import CannotAnswer, WrongUsage, terrain_data
@@ -145,11 +146,7 @@ def test_bad_maps_and_laps_are_refused_in_a_sentence():
     """property: gaps, too few points, a lap off the map, states that do not fit."""
     gap = np.ones(50)
     gap[20:24] = np.nan
-    with pytest.raises(CannotAnswer, match=r"no attitude at 4 of 50 points, the first at 20\.0 m"):
-        AttitudeMap(0.0, 1.0, gap)
-    with pytest.raises(CannotAnswer, match="three points"):
-        AttitudeMap(0.0, 1.0, [1.0, 2.0])
-    with pytest.raises(CannotAnswer, match="leaves the map"):
-        hills().require([0.0, 5000.0])
-    with pytest.raises(WrongUsage, match="do not fit"):
-        Ukf(hills(2), np.zeros((3, 1)), np.zeros((3, 3, 1)), np.eye(2))
+    refused(CannotAnswer, r"at 4 of 50 points, the first at 20\.0 m", AttitudeMap, 0.0, 1.0, gap)
+    refused(CannotAnswer, "three points", AttitudeMap, 0.0, 1.0, [1.0, 2.0])
+    refused(CannotAnswer, "leaves the map", hills().require, [0.0, 5000.0])
+    refused(WrongUsage, "not fit", Ukf, hills(2), np.zeros((3, 1)), np.zeros((3, 3, 1)), np.eye(2))

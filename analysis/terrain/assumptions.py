@@ -412,12 +412,12 @@ class Setup:
         """
         dt, n = 1 / self.rate_hz, self.samples
         t = dt * np.arange(n)
-        decay, white = exp(-t / self.corr_time), np.append(1.0, np.zeros(n - 1))
+        decay, white = exp(-t / self.corr_time), 1.0 * (t == 0)
         driven = np.sqrt(1 - exp(-2 * dt / self.corr_time)) * decay
-        constant = TURN_ON * np.ones(n) if self.start == "turn-on" else 0.0 * t
+        constant = np.full(n, TURN_ON) if self.start == "turn-on" else 0.0 * t
         begun = decay if self.start == "stationary" else constant
         if self.noise == "integrated":
-            white, driven = np.sqrt(dt) * np.ones(n), dt * np.cumsum(driven)
+            white, driven = np.full(n, np.sqrt(dt)), dt * np.cumsum(driven)
             begun = dt * np.cumsum(begun) - dt * begun
         else:
             white *= _white(self.noise) / np.sqrt(dt)
