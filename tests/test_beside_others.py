@@ -7,6 +7,7 @@ from subprocess import TimeoutExpired
 import numpy as np
 import pandas as pd
 import pytest
+from refused import refused
 from scipy.stats import binom
 
 from analysis import CannotAnswer, store
@@ -109,8 +110,7 @@ def test_nonsense_is_told(text, tmp_path):
 
 def test_a_command_that_fails_or_hangs(monkeypatch):
     """property: its last words are told; one that takes too long ends, with what it started."""
-    with pytest.raises(CannotAnswer, match="not 3: b'why'"):
-        _answered("sys.stderr.write('why'); sys.exit(3)")
+    refused(CannotAnswer, "not 3: b'why'", _answered, "sys.stderr.write('why'); sys.exit(3)")
     monkeypatch.setattr(beside_others, "PATIENCE", 0.5)
     with pytest.raises(TimeoutExpired):
         _answered("os.system('sleep 60 | sleep 60')")
@@ -141,6 +141,5 @@ def test_the_study_is_the_one_that_the_command_makes(stored):
 def test_a_peer_that_is_not_installed_is_named(monkeypatch, tmp_path):
     """property: one sentence with the command, and nothing is written."""
     monkeypatch.setattr(beside_others, "PEERS", ("allantools", "no-such-package"))
-    with pytest.raises(CannotAnswer, match="no-such-package is not installed"):
-        beside_others.study(tmp_path / "x")
+    refused(CannotAnswer, "no-such-package is not installed", beside_others.study, tmp_path / "x")
     assert not (tmp_path / "x").exists()

@@ -610,8 +610,8 @@ def test_moving_logs_of_several_tables(tmp_path):
     write_ubx_pvt(tmp_path / "ride.ubx")
     receiver = read_moving([tmp_path / "ride.ubx"])
     assert receiver.gnss.has_fix.all() and receiver.gnss.pdop[0] == pytest.approx(1.2)
-    with pytest.raises(WrongUsage, match="no table 'none'; it has NAV-PVT"):  # of one alone, too
-        read_moving([tmp_path / "ride.ubx"], tables=["none"])
+    ride = [tmp_path / "ride.ubx"]  # one table alone is named, too
+    refused(WrongUsage, "no table 'none'; it has NAV-PVT", read_moving, ride, tables=["none"])
     write_sensor_logger_folder(tmp_path / "phone")
     seconds = np.arange(5)
     location = {"time": (UNIX + seconds) * 1e9, "latitude": 45 + 1e-5 * seconds, "longitude": 7.0}
@@ -745,14 +745,6 @@ def test_androsensor_in_motion(before, tmp_path):
         assert (ride.gnss.course_deg[12:] == 0).all()
 
 
-def _phone_tables(sign):
-    """Lay out what Sensor Logger writes, by its maker's UNITS.md: gravity apart from the rest."""
-    off = 0 * ACCEL + [0, 0, 9.8]
-    values = {"Accelerometer": sign * (ACCEL - off), "Gravity": sign * off}
-    values |= {"Gyroscope": GYRO, "GyroscopeUncalibrated": GYRO + 1}
-    return {name: axes(readings) for name, readings in values.items()}
-
-
 @pytest.mark.parametrize(
     "layout", ["ISO dates", "Parquet dates", "arrays", "struct of axes", "zip in gzip"]
 )
@@ -782,8 +774,11 @@ def test_other_layouts(layout, tmp_path):
 
 @pytest.mark.parametrize("layout", ["android", "ios", "json", "one file"])
 def test_layouts_of_sensor_logger(layout, tmp_path):
-    """Published: the maker's signs, units and tables; an iPhone's accelerations point down."""
-    tables, path = _phone_tables(-1 if layout == "ios" else 1), tmp_path / "log"
+    """Published: the maker's UNITS.md; gravity is apart, an iPhone's accelerations point down."""
+    path, sign, off = tmp_path / "log", -1 if layout == "ios" else 1, 0 * ACCEL + [0, 0, 9.8]
+    values = {"Accelerometer": sign * (ACCEL - off), "Gravity": sign * off}
+    values |= {"Gyroscope": GYRO, "GyroscopeUncalibrated": GYRO + 1}
+    tables = {name: axes(readings) for name, readings in values.items()}
     about = {"version": [3], "platform": [layout], "standardisation": ["false"]}
     if layout == "json":
         texts = pd.concat(tables, names=["sensor"]).astype(str).reset_index("sensor")

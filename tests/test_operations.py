@@ -20,15 +20,12 @@ def lean_update(n, m):
     """
     state, S, gain = [(m, n, 1), (n, m, 1)], [(m, n, n), (m, n, m)], [(n, m, m), (n, m, n)]
     lean = operations.dense(state + S + gain, m + n + m * m + 2 * n * n)
-    return lean + ldl_inverse(m) + Counter(products=n * n)
-
-
-def ldl_inverse(m):
-    """Count the inverse by S = L D L', without square roots, as `kalman` does it."""
+    # The inverse by S = L D L', without square roots, as `kalman` does it.
     pairs, triples = m * (m - 1) // 2, (m**3 - 3 * m**2 + 2 * m) // 6
     squares = (m - 1) * m * (2 * m - 1) // 6
     factor = Counter(sums=triples + pairs, products=triples + 2 * pairs, divisions=m)
-    return factor + Counter(sums=squares, products=squares + pairs)
+    inverse = factor + Counter(sums=squares, products=squares + pairs)
+    return lean + inverse + Counter(products=n * n)
 
 
 def buffer_mean(length, axes=1):

@@ -62,15 +62,10 @@ def written(result, folder):
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
-def strictly(text):
-    """Parse JSON as the standard has it: without NaN and Infinity."""
-    return json.loads(text, parse_constant=pytest.fail)
-
-
 @pytest.fixture(scope="module")
 def model(result):
-    """Give model.json as another program reads it."""
-    return strictly(store.as_json(static_logs.stored.model(result)))
+    """Give model.json as another program reads it: the standard has no NaN and no Infinity."""
+    return json.loads(store.as_json(static_logs.stored.model(result)), parse_constant=pytest.fail)
 
 
 def test_source_says_which_log(model, log):

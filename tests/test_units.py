@@ -761,7 +761,8 @@ START = datetime(2024, 5, 1, 10, tzinfo=UTC).timestamp()  # of the log below
 def test_compare_writes_the_contract(tmp_path, monkeypatch, capsys):
     """property: a log in UTC and one of the catalogue; all keys of the contract; events in UTC."""
     a, b = pair(np.random.default_rng(12), seconds=300, offset=-3600.0, sigma=0.5, corr_time=5.0)
-    a = part(a, (a.gnss.t_s < 100) | (a.gnss.t_s > 120))
+    keep = (a.gnss.t_s < 100) | (a.gnss.t_s > 120)
+    a = changed(a, **{k: v[keep] for k, v in vars(a.gnss).items()})
     log_of(tmp_path / "b.csv", b)
     monkeypatch.setattr(catalogue, "OWN", tmp_path / "logs.toml")
     stanza = '[mine]\nfile = "b.csv"\ntitle = "c"\nlicence = "own"\nsource = "own"\n'
@@ -819,11 +820,6 @@ def test_fixes_that_are_repeated_are_one():
     assert abs(found.clocks[0].offset_s.value) < 0.1  # with the repeats 2 s: half of the 4 s
     assert any("repeat the position before" in note for note in found.notes)
     assert not [e for e in found.events if e.kind in ("hold", "jump")]
-
-
-def part(found, keep):
-    """Keep some epochs of a unit without attitude."""
-    return changed(found, **{k: v[keep] for k, v in vars(found.gnss).items()})
 
 
 BAD = {  # what is done to the second log (b of a and b) -> exit status, what is said

@@ -1,7 +1,7 @@
 """Which gyro reaches an error: the numbers of the inverse design, its intervals decide."""
 
 import numpy as np
-import pytest
+from refused import refused
 
 from analysis import WrongUsage, store, terrain_data
 from analysis.static_logs import stored
@@ -37,8 +37,7 @@ def test_below_what_the_map_allows_no_gyro_is_enough():
     exact = which_gyro.answer(0.15, exact_map=True)
     assert exact["limit"].high < 0.15 and {r["answer"] for r in exact["rows"]} > {"yes"}
     for wrong in (0.0, -1.0, np.nan, np.inf):
-        with pytest.raises(WrongUsage, match="--error"):
-            which_gyro.answer(wrong)
+        refused(WrongUsage, "--error", which_gyro.answer, wrong)
 
 
 def test_one_gyro_has_one_answer():
