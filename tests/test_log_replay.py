@@ -189,9 +189,10 @@ def test_imu_without_gnss(laps):
 
 
 def shaken(log):
-    """Turn the gyro's axes of roll and pitch as no vehicle does."""
+    """Turn the gyro's axes of roll and pitch as no vehicle does, and the whole IMU half over."""
     fast = 1.2 * np.sin(0.5 * log.imu.t_s)[:, None] * [0.0, 1.0, 0.0]
-    return replace(log, imu=replace(log.imu, gyro_b=log.imu.gyro_b + fast))
+    log = replace(log, imu=replace(log.imu, gyro_b=log.imu.gyro_b + fast))
+    return turn_imu(log, 2.0, axis=(1.0, 0.0, 0.0))
 
 
 def wild(log):
