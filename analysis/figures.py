@@ -176,7 +176,7 @@ def _close(old, new):
     if not old[["panel", "series"]].equals(new[["panel", "series"]]):
         return False
     was, now = (table[["x", "y", "y2"]].astype(float) for table in (old, new))
-    size = was.abs().groupby(old["panel"]).transform("max").fillna(1.0)
+    size = was.abs().groupby(old["panel"].fillna("")).transform("max").fillna(1.0)
     return np.allclose(now, was, RELATIVE, OF_THE_PANEL * size, equal_nan=True)
 
 

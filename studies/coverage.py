@@ -353,11 +353,11 @@ def broken_summary(rows):
     """
     runs, given = rows["run"].nunique(), rows["value"].notna()
     wrong = given & ~rows["truth"].between(rows["low"], rows["high"])
-    judged = rows.assign(runs=runs, resolved=given, wrong=wrong, unsaid=wrong & ~rows["warned"])
+    judged = rows.assign(resolved=given, wrong=wrong, unsaid=wrong & ~rows["warned"])
     of = judged.groupby("parameter", sort=False)
     shares = of[["resolved", "wrong", "unsaid"]].sum() / runs
     first = of["value"].agg(lambda values: values.iloc[0])
-    return of[["truth", "runs"]].median().join(shares).assign(first=first).reset_index()
+    return of[["truth"]].median().assign(runs=runs).join(shares).assign(first=first).reset_index()
 
 
 def plan():

@@ -144,9 +144,11 @@ def test_a_slow_step_and_a_saw_tooth_are_no_slow_bias(slow, shape):
         assert e.resolved and e.low**2 / e.value < truth < e.high**2 / e.value
 
 
-def test_what_may_be_there_has_one_sign():
-    """property: refused where with a term and without it the sign may differ, with both ends."""
+def test_what_may_be_there_is_refused():
+    """property: where with a term it is refused, with its reason, or the sign may differ."""
     a = Estimate(2.0, 1.0, 3.0, "s")
+    told = either(a, Estimate.refused("s", "none", high=9.0), "step")
+    assert (told.value, told.low, told.high, told.note[:4]) == (None, None, 9.0, "none")
     for other in (Estimate(-2.0, -3.0, -1.0, "s"), Estimate(1.0, 0.0, 2.0, "s")):  # zero is in both
         opposite = either(a, other, "warm_up")
         assert not opposite.resolved and (opposite.low, opposite.high) == (other.low, 3.0)

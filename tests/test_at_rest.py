@@ -51,7 +51,8 @@ def test_the_acceleration_is_filtered():
     assert not block.accelerate(0.0, 0.0, 0.025) and block.norm == 0.0
     assert not block.accelerate(0.125, 0.0, 0.25)  # at the threshold itself
     for rate in (4, 40, 100):
-        block.no_imu()
+        noise = 0.02 * np.random.default_rng(3).standard_normal((30 * rate, 2))
+        assert not [block.accelerate(*x, 1 / rate) for x in noise][-1] and not block.drive(0.0)
         assert any(block.accelerate(0.0, -0.13, 1 / rate) for _ in range(rate))
 
 

@@ -227,7 +227,8 @@ def test_a_gap_starts_the_attitude_again():
 
 def test_single_precision_stays_single():
     """property: in float32 every state is float32; `test_log_replay` has how well it agrees."""
-    samples = simulate(np.zeros((4 * RATE, 3)), np.random.default_rng(8))
+    t = np.arange(0, 10, 1 / RATE)
+    samples = simulate(np.outer(np.sin(t), [0.2, 0.1, 0.05]), np.random.default_rng(8))
     rows = [[tuple(r) for r in np.array(a, np.float32)] for a in samples]
     single = run(Attitude(np.float32), *rows, static=0)
     states = [*single.tilt.x, *single.yaw.x, *single.bias.x, single.tilt.p, single.yaw.p]

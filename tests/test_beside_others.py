@@ -112,8 +112,7 @@ def test_a_command_that_fails_or_hangs(monkeypatch):
     """property: its last words are told; one that takes too long ends, with what it started."""
     refused(CannotAnswer, "not 3: b'why'", _answered, "sys.stderr.write('why'); sys.exit(3)")
     monkeypatch.setattr(beside_others, "PATIENCE", 0.5)
-    with pytest.raises(TimeoutExpired):
-        _answered("os.system('sleep 60 | sleep 60')")
+    refused(TimeoutExpired, None, _answered, "os.system('sleep 60 | sleep 60')")
 
 
 def test_one_log_of_each_method_again(stored):

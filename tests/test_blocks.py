@@ -11,18 +11,16 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 from broken_events import BROKEN, clock_set_back, clock_set_forward, no_times, play, record
-from refused import refused, where_here
+from refused import refused
 
-from analysis import ROOT, STANDARD_GRAVITY, store, wrap
+from analysis import ROOT, STANDARD_GRAVITY, wrap
 from analysis.tracker import scenario, vectors
 from analysis.tracker.at_rest import LowPass, StaticTest
 from analysis.tracker.attitude import Attitude
 from analysis.tracker.device import BLOCKS, FILTERS, Device, Epoch, Options
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import Frame, LastPosition
-from analysis.tracker.log_replay import replay
 from analysis.tracker.mounting import MountingYaw
-from studies import rides
 from workbench import cli
 
 CLASSES = {  # of each block, and the modules of the same folder that its module needs
@@ -379,11 +377,12 @@ def test_when_the_filters_start_and_what_carries_them():
             fusion={}, mounting={"mount": at["mount"]}, upright={"down": "d"},
         )  # fmt: skip
         device._speed, starts = at["speed"], at == good or at["mount"] is False
-        device._t_epoch, device._t_imu = 7.5, 7.0
+        late = 0.5 if at == good else -0.5  # of the epoch, after the last sample
+        device._t_epoch, device._t_imu = 7.5, 7.5 - late
         device._constrain(at["fix"], at["velocity"], 1.0, 2.0)
         given = ("fix", "v", ("C", "b", "d"), at["mount"] or 0.0, 1.0, 2.0, (0.1, 3.0))
         assert [c.args for c in device.constrained.start.call_args_list] == [given] * starts
-        assert not starts or device.constrained.ahead == 0.5  # of the last sample
+        assert not starts or device.constrained.later == max(late, 0.0)
         for since, imu in ((0.0, 0.0), (1.0, 1.0), (1.01, 0.0), (0.5, 1.01)):
             device._t_fusion, device._t_imu, device.fusion = 9.0, 9.0 + since - imu, Mock()
             device._predict(9.0 + since)
@@ -399,13 +398,3 @@ def test_any_block_can_be_left_out(laps, filter, without):
     *_, last = play(laps.given, laps.events, filter=filter, **{w: False for w in [without] if w})
     off = [(last[k] - laps.rows[-1][k]) * 111_000 for k in ("lat_deg", "lon_deg")]
     assert math.hypot(*off) < 15.0
-
-
-def test_real_drives_come_out_as_stored():
-    """cross-check: the straights of a car; a phone that is parked, and one that loses its fixes."""
-    made = {"parked": where_here(rides.parked)[1], "cold-phone": where_here(rides.cold_phone)[1]}
-    made["car"] = {"straights": replay(where_here(rides.read, "car"), Options()).straights}
-    for folder, tables in made.items():  # the metres are stored to a centimetre
-        for name, now in tables.items():
-            then = store.read(f"tracker-{folder}").tables[name]
-            np.testing.assert_allclose(now, then, rtol=1e-4, atol=0.011, err_msg=folder)

@@ -33,6 +33,15 @@ def test_what_is_remarked_on(y, kind, says):
     assert [says in sentence for sentence in remarks(y, 0.1, kind)] == [True] * bool(says)
 
 
+def test_what_rounding_leaves_of_noise():
+    """property: of two levels nothing; three tell a deviation."""
+    for levels in (2, 3):
+        y = np.random.default_rng(14).integers(0, levels, 2000).astype(float)
+        vrw = as_gyro(y, 0.05, unit="g", kind="accel").parameters["vrw"]
+        assert (vrw.value is None) == (levels == 2) == ("is the rounding" in vrw.note)
+    assert vrw.value == pytest.approx(y.std() * np.sqrt(0.05), rel=0.1)
+
+
 def test_a_disturbance_reaches_parameters_and_fit():
     """property: what disturbs a channel is in its fit, and in the note of what it affects."""
     y = QUIET * np.where(np.arange(20_000) < 10_000, 1, 2)
@@ -53,9 +62,8 @@ def test_both_allan_curves_and_the_model_over_them():
     y = rng.standard_normal(20_000) + np.cumsum(0.02 * rng.standard_normal(20_000))
     y += 1e-3 * np.arange(20_000)
     found = as_gyro(y, dt, rng=rng)
-    assert (
-        found.allan_line_removed.adev[-1] < 0.5 * found.allan.adev[-1] and found.fitted_from == dt
-    )
+    assert found.allan_line_removed.adev[-1] < 0.5 * found.allan.adev[-1]
+    assert found.fitted_from == dt
     table = figures.plotted_numbers(plots.four_panels(found, "x"))
     drawn = {name: g[["x", "y"]].to_numpy() for name, g in table.groupby("series")}
     model = next(xy for name, xy in drawn.items() if name.startswith("fitted "))

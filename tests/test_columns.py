@@ -392,5 +392,4 @@ def test_gravity_tells_accelerometers_among_columns_without_names(unit, gyros):
     frame.columns = [f"c{k}" for k in range(1, 7)]
     chosen, _ = columns.choose(frame, "my.csv", unit=unit)
     assert [c.kind for c in chosen] == gyros + ["accel"] * 3
-    with pytest.raises(WrongUsage, match="is for channels of one kind"):
-        columns.choose(frame, "my.csv", unit="deg/s")
+    refused(WrongUsage, "for channels of one kind", columns.choose, frame, "my.csv", unit="deg/s")

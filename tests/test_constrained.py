@@ -436,15 +436,23 @@ def test_single_precision_stays_single():
 
 
 def test_an_epoch_between_samples():
-    """analytic: 8 m/s north, then braked at 2 m/s^2: where it is at 0.3, 0.4 and 1 s."""
-    block = constrained.Constrained()
-    block.start((0.0, 0.0), (8.0, 0.0), (EYE, [0.0] * 3, [0.0, 0.0, 1.0]), 0.0, 3.0, 0.3)
-    for ahead, there in ((0.3, 2.4), (0.4, 3.2)):
-        block.reach(ahead)
-        assert block.position[0] == pytest.approx(there)
+    """analytic: 8 t - t^2 and 8 - 2 t of a car that brakes, 0.3 and 0.4 s after a sample and at it.
+
+    At rest with the antenna 2 m ahead, turning by 0.5 rad/s: that is 0.2 m to the right after them.
+    """
+    level = (EYE, [0.0] * 3, [0.0, 0.0, 1.0]), 0.0, 3.0, 0.3
+    brakes, still = [-2.0, 0.0, -STANDARD_GRAVITY], [0.0, 0.0, -STANDARD_GRAVITY]
+    block, turning = constrained.Constrained(), Levered(float, (2.0, 0.0, 0.0))
+    block.start((0.0, 0.0), (8.0, 0.0), *level)
     block._seconds = -9.0  # no step of the covariance yet
-    block.sample([0.0] * 3, [-2.0, 0.0, -STANDARD_GRAVITY], 1.0)
-    assert (block.position[0], block.ahead) == (pytest.approx(7.0), 0.0)
+    for t in (1.0, 1.3, 1.4, 2.0):
+        block.reach(t - 1) if t % 1 else block.sample([0.0] * 3, brakes, 1.0)
+        found = block.position[0], block.velocity[0], block.velocity[2], block.later
+        np.testing.assert_allclose(found, (8 * t - t * t, 8 - 2 * t, 0, t % 1), atol=1e-12)
+    turning.start((2.0, 0.0), (0.0, 0.0), *level)
+    turning.sample([0.0, 0.0, 0.5], still, 1e-9)
+    turning.reach(0.2)
+    np.testing.assert_allclose(turning.antenna, [2.0, 0.2], atol=1e-6)
 
 
 def test_a_lever_arm_arrives():

@@ -21,7 +21,7 @@ def test_one_and_two_sided_densities():
         assert density[5:-5].mean() == pytest.approx(expected, rel=0.01)
 
 
-def test_a_gauss_markov_bias_starts_as_a_random_walk():
+def test_diffusion_is_that_of_a_bias_at_first():
     """Analytic: <(b(t) - b(0))^2> is K^2 t for t << T_c and 2 sigma_b^2 at last."""
     sigma, time = 0.005, 200.0
     k, t = c.diffusion(sigma, time), np.array([0.1, 1.0, 1e5])

@@ -501,8 +501,7 @@ def test_each_csv_takes_the_columns_that_it_has(tmp_path):
     np.testing.assert_allclose(log.imu.accel_b, plain.imu.accel_b)
     with pytest.raises(WrongUsage, match="no log has a column 'Tal'"):
         read_moving([gnss, imu], columns=wanted | {"pdop": "Tal"})
-    with pytest.raises(WrongUsage, match="'altimeter' is none of"):
-        read_moving([gnss], columns={"altimeter": "height_m"})
+    refused(WrongUsage, "'altimeter' is none of", read_moving, [gnss], columns={"altimeter": "h"})
 
 
 # --- written and read back ------------------------------------------------------------------------

@@ -135,11 +135,10 @@ def cep(north: np.ndarray, east: np.ndarray) -> Estimate:
     The interval runs between the quantiles of r at 1/2 -+ 1.96 / (2 sqrt(N)), N the independent
     values of north plus those of east (a radius has half the correlation time of a coordinate),
     widened by the degrees of freedom of the mean. Whether a position lies within the median is
-    correlated for less long (notebook 14), but with 1.6 times as many values the error of N itself
-    would show: 89 to 93 % of the intervals of 20 to 60 values held the truth, for 95 to 99 %. N
-    is the smaller of two counts: by the autocovariance, and by how much the means of eighths of
-    the log vary, which sees errors nearly as slow as the log. A position beyond `CUT` counts as
-    one that lies there: a few far ones would hide the correlation, and move the mean.
+    correlated for less long (notebook 14), but with more values the error of N itself would show. N
+    is the smaller of two counts: by the autocovariance, and by how much the means of eighths of the
+    log vary, which sees errors nearly as slow as the log. A position beyond `CUT` counts as one
+    that lies there: a few far ones would hide the correlation, and move the mean.
 
     Parameters
     ----------

@@ -53,8 +53,8 @@ class Constrained:
         North, east and down in body axes.
     C_vb : list of 3 lists of 3 floats
         The car's axes forward, right and down in body axes.
-    ahead : float
-        How much later than the last sample the position is, s.
+    later : float
+        How much later than the last sample position and velocity are, s; never earlier.
     """
 
     def __init__(self, number=float):
@@ -84,7 +84,7 @@ class Constrained:
         self.C_nb = [[number(c) for c in row] for row in C_nb]
         ahead = north(down, mount)
         self.C_vb = [[number(c) for c in row] for row in (ahead, cross(down, ahead), down)]
-        self.ahead = 0.0
+        self.later, self._pull = 0.0, [number(0)] * 3
         self.gyro_bias = [number(b) for b in bias]
         self.accel_bias = [number(0)] * 3
         tilt, yaw, gyro, accel, pitch, mounting = START
@@ -116,7 +116,7 @@ class Constrained:
         a, b, c = (half * (w - o) for w, o in zip(gyro_b, self.gyro_bias))
         scale = 2 / (1 + (a * a + b * b + c * c))
         fx, fy, fz = (f - o for f, o in zip(accel_b, self.accel_bias))
-        velocity, total = self.velocity, self._force
+        velocity, total, left = self.velocity, self._force, dt - self.later
         before = velocity[0], velocity[1]
         for i in (0, 1, 2):
             row = self.C_nb[i]
@@ -126,25 +126,28 @@ class Constrained:
             y -= scale * (v - (c * u - a * w))
             z -= scale * (w - (a * v - b * u))
             row[0], row[1], row[2] = x, y, z
-            step = dt * (x * fx + y * fy + z * fz)
-            total[i] += step
-            velocity[i] += step
-        velocity[2] += STANDARD_GRAVITY * dt
-        left = half - self.ahead
-        self.position[0] += left * before[0] + half * velocity[0]
-        self.position[1] += left * before[1] + half * velocity[1]
-        self.ahead = 0.0
+            pull = x * fx + y * fy + z * fz
+            total[i] += dt * pull
+            self._pull[i] = pull + STANDARD_GRAVITY if i == 2 else pull
+            velocity[i] += left * self._pull[i]
+        half = 0.5 * left
+        self.position[0] += half * (before[0] + velocity[0])
+        self.position[1] += half * (before[1] + velocity[1])
+        self.later = 0.0
         add(self._turned, (a, b, c))
         self._seconds += dt
         if self._seconds + 0.5 * dt >= STEP_S:
             self._carry()
             self._constrain(static)
 
-    def reach(self, ahead):
-        """Carry the position straight on, to some seconds after the last sample."""
+    def reach(self, later):
+        """Go on as at the last sample, to some seconds after it."""
+        more, velocity = later - self.later, self.velocity
         for i in (0, 1):
-            self.position[i] += (ahead - self.ahead) * self.velocity[i]
-        self.ahead = ahead
+            self.position[i] += more * (velocity[i] + 0.5 * more * self._pull[i])
+        for i in (0, 1, 2):
+            velocity[i] += more * self._pull[i]
+        self.later = later
 
     def update(self, position, velocity, sigma_p, sigma_v):
         """Take in a fix: position and velocity (sequences, north and east), each may be None."""

@@ -1018,16 +1018,17 @@ static void car_constrain(Constrained *b, bool is_static) {
 static void car_sample(Constrained *b, const number gyro[3], const number accel[3], number dt,
                        bool is_static) {
   number half = R(0.5) * dt, a[3], f[3], before[2] = {b->velocity[0], b->velocity[1]};
+  number left = dt - b->later;
   EACH(k, 3) a[k] = half * (gyro[k] - b->gyro_bias[k]), f[k] = accel[k] - b->accel_bias[k];
   EACH(i, 3) {
     cayley(b->C_nb[i], a);
-    number step = dt * dot(b->C_nb[i], f);
-    b->force[i] += step, b->velocity[i] += step;
+    b->pull[i] = dot(b->C_nb[i], f);
+    b->force[i] += dt * b->pull[i];
+    if (i == 2) b->pull[i] += GRAVITY;
+    b->velocity[i] += left * b->pull[i];
   }
-  b->velocity[2] += GRAVITY * dt;
-  number left = half - b->ahead;
-  EACH(i, 2) b->position[i] += left * before[i] + half * b->velocity[i];
-  b->ahead = 0;
+  EACH(i, 2) b->position[i] += R(0.5) * left * (before[i] + b->velocity[i]);
+  b->later = 0;
   add(b->turned, a);
   b->seconds += dt;
   if (b->seconds + R(0.5) * dt >= CONSTRAINED_STEP_S) {
@@ -1036,9 +1037,11 @@ static void car_sample(Constrained *b, const number gyro[3], const number accel[
   }
 }
 
-static void car_reach(Constrained *b, number ahead) {
-  EACH(i, 2) b->position[i] += (ahead - b->ahead) * b->velocity[i];
-  b->ahead = ahead;
+static void car_reach(Constrained *b, number later) {
+  number more = later - b->later;
+  EACH(i, 2) b->position[i] += more * (b->velocity[i] + R(0.5) * more * b->pull[i]);
+  EACH(i, 3) b->velocity[i] += more * b->pull[i];
+  b->later = later;
 }
 
 static void car_update(Constrained *b, const number *position, const number *velocity,
@@ -1280,15 +1283,15 @@ static Constrained *device_constrain(Device *d, const number *fix, const number 
   bool without = device_without_imu(d, d->t_epoch);
   if (car && without) car->started = false;
   if (!OPTIONS_FILTER_CAR || !d->constrained || !d->attitude.ready || without) return NULL;
-  number ahead = most(0, step_of(d->t_epoch, d->t_imu));
+  number later = most(0, step_of(d->t_epoch, d->t_imu));
   if (car) {
-    car_reach(car, ahead);
+    car_reach(car, later);
     car_update(car, fix, velocity, sigma_p, sigma_v);
   } else if (device_sighted(d) && fix && velocity && d->speed > DEVICE_FAST) {
     number down[3], mount = or_zero(d->mounting.mount);
     opposite(down, d->upright.mean);
     car_start(d->constrained, fix, velocity, &d->attitude, down, mount, sigma_p, sigma_v);
-    d->constrained->ahead = ahead;
+    d->constrained->later = later;
   }
   return car_of(d);
 }

@@ -450,16 +450,16 @@ class Device:
             return None
         if not car or not block.ready:
             return None
-        ahead = max(0.0, round(self._t_epoch - self._t_imu, 9))
+        later = max(0.0, round(self._t_epoch - self._t_imu, 9))
         if car.started:
-            car.reach(ahead)
+            car.reach(later)
             car.update(fix, velocity, sigma_p, sigma_v)
         elif self._sighted() and fix and velocity and self._speed > FAST:
             attitude = block.C_nb, block.bias.x, self.upright.down
             doubt = block.tilt.p, max(block.bias.P[i][i] for i in (0, 1, 2))
             mount = self.mounting.mount or 0.0
             car.start(fix, velocity, attitude, mount, sigma_p, sigma_v, doubt)
-            car.ahead = ahead
+            car.later = later
         return car if car.started else None
 
     def _sighted(self):

@@ -57,5 +57,5 @@ class Levered(Constrained):
     def _arm(self):
         """Give where the antenna is from the sensor, and how that moves: north, east, down."""
         arm = [dot(self.lever, [axis[k] for axis in self.C_vb]) for k in (0, 1, 2)]
-        swing = cross(self._rate, arm)
-        return [dot(row, arm) for row in self.C_nb], [dot(row, swing) for row in self.C_nb]
+        swing = [dot(row, cross(self._rate, arm)) for row in self.C_nb]
+        return [dot(row, arm) + self.later * v for row, v in zip(self.C_nb, swing)], swing

@@ -366,7 +366,7 @@ def _car(motion, rate):
     for _ in range(round(STEP_S / dt) - 1):
         block.sample(*motion)
     step = _count(copy.deepcopy(block).sample, *motion) - sample
-    fix = _count(block.update, (0.3, 0.1, 0.0), (5.0, 0.1), 3.0, 0.3)
+    fix = _count(block.reach, dt) + _count(block.update, (0.3, 0.1, 0.0), (5.0, 0.1), 3.0, 0.3)
     found = ("sample", rate, sample), ("step of P", 1 / STEP_S, step), ("fix", 1.0, fix)
     return [(FOR_CARS, *each) for each in found]
 

@@ -17,7 +17,10 @@ from analysis.tracker.doubt import Doubted
 
 
 class Recorded(Doubted):
-    """A constrained filter that keeps every step, a few times a second: 6 kB each."""
+    """A constrained filter that keeps every step, a few times a second: 6 kB each.
+
+    Epochs between two samples share the step of the first: it is for an IMU as fast as the fixes.
+    """
 
     def __init__(self, *given):
         super().__init__(*given)

@@ -141,7 +141,9 @@ def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
             name = stem if len(found) == 1 else f"{stem}/{part.name}"
             parts.append(replace(part, name=name))
     if not parts:
-        raise next(iter(errors), WrongUsage(f"{path.name}: no log file in it: name one"))
+        if errors:
+            raise errors[0]
+        raise WrongUsage(f"{path.name}: no log file in it: name one")
     return parts
 
 

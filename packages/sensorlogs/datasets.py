@@ -156,9 +156,11 @@ def path(name: str) -> Path:
 
 def available(name: str) -> bool:
     """Tell whether the file is on this machine, with the right bytes."""
-    with contextlib.suppress(CannotAnswer):
-        return path(name).is_file()
-    return False
+    try:
+        path(name)
+    except CannotAnswer:
+        return False
+    return True
 
 
 def fetch(name: str) -> Path:

@@ -26,7 +26,8 @@ FLAGS = tomllib.loads(Path(__file__).with_name("flags.toml").read_text(encoding=
 TYPES = {"number": float, "count": int, "text": str, "switch": bool}
 WIDTH = 100  # of a line on the terminal
 WRAPPED = {"subsequent_indent": "    ", "break_long_words": False, "break_on_hyphens": False}
-READS = {"report": "static", "pool": "static", "replay": "moving", "compare": "moving"}  # logs
+# Verb -> the kind of log that it reads, with the flags for that.
+READS = {"report": "static", "pool": "static", "replay": "moving", "compare": "moving"}
 RESUMABLE = ("reproduce", "coverage", "readings", "data")  # they keep each piece that is finished
 
 
