@@ -234,7 +234,7 @@ def test_a_fix_that_contradicts_the_output():
     device, start = Device(Options(), None, False), Mock
     device.ned, device._lasting, device.fusion = (100, 50, 0), 16.0, start(started=1, sigma_p=3)
     assert device._ellipse(0.0, moving=True) == (25.0, 0.0, 25.0)
-    device.constrained = start(started=True, ellipse=(4.0, 1.0, 9.0))
+    device.constrained = start(started=True, P=[[4.0, 1.0], [1.0, 9.0]])
     assert device._ellipse(0.0, moving=True) == (20.0, 1.0, 25.0)
     for sigma, far, known in ((1, 49.9, 0), (1, 50.1, 1), (12, 64.9, 0), (12, 65.1, 1)):
         assert device._contradicted((100 - 0.6 * far, 50 + 0.8 * far, 0.0), sigma) == known

@@ -269,7 +269,6 @@ def test_updates_are_those_of_filterpy():
     block.update(place.tolist(), speed.tolist(), 2.0, 0.5)
     np.testing.assert_allclose(found, other.x.ravel(), atol=1e-9)
     np.testing.assert_allclose(block.P, other.P, atol=1e-9)
-    assert block.ellipse == pytest.approx(other.P[[0, 0, 1], [0, 1, 1]])
 
 
 def rows_of(name, kind, rows):

@@ -116,8 +116,7 @@ class Constrained:
         a, b, c = (half * (w - o) for w, o in zip(gyro_b, self.gyro_bias))
         scale = 2 / (1 + (a * a + b * b + c * c))
         fx, fy, fz = (f - o for f, o in zip(accel_b, self.accel_bias))
-        velocity, total, left = self.velocity, self._force, dt - self.later
-        before = velocity[0], velocity[1]
+        total, pull = self._force, self._pull
         for i in (0, 1, 2):
             row = self.C_nb[i]
             x, y, z = row  # fixed in navigation axes: turned by Cayley's form, as in `Direction`
@@ -126,13 +125,10 @@ class Constrained:
             y -= scale * (v - (c * u - a * w))
             z -= scale * (w - (a * v - b * u))
             row[0], row[1], row[2] = x, y, z
-            pull = x * fx + y * fy + z * fz
-            total[i] += dt * pull
-            self._pull[i] = pull + STANDARD_GRAVITY if i == 2 else pull
-            velocity[i] += left * self._pull[i]
-        half = 0.5 * left
-        self.position[0] += half * (before[0] + velocity[0])
-        self.position[1] += half * (before[1] + velocity[1])
+            pull[i] = x * fx + y * fy + z * fz
+            total[i] += dt * pull[i]
+        pull[2] += STANDARD_GRAVITY
+        self.reach(dt)
         self.later = 0.0
         add(self._turned, (a, b, c))
         self._seconds += dt
@@ -142,11 +138,12 @@ class Constrained:
 
     def reach(self, later):
         """Go on as at the last sample, to some seconds after it."""
-        more, velocity = later - self.later, self.velocity
-        for i in (0, 1):
-            self.position[i] += more * (velocity[i] + 0.5 * more * self._pull[i])
+        dt, v = later - self.later, self.velocity
         for i in (0, 1, 2):
-            velocity[i] += more * self._pull[i]
+            step = dt * self._pull[i]
+            if i < 2:
+                self.position[i] += dt * (v[i] + 0.5 * step)
+            v[i] += step
         self.later = later
 
     def update(self, position, velocity, sigma_p, sigma_v):
@@ -163,11 +160,6 @@ class Constrained:
     def antenna(self):
         """Where the antenna is: north, east, m."""
         return self.position
-
-    @property
-    def ellipse(self):
-        """Covariance of the position: north north, north east, east east, m^2."""
-        return self.P[0][0], self.P[0][1], self.P[1][1]
 
     @property
     def may_rest(self):

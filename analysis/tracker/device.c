@@ -1015,19 +1015,24 @@ static void car_constrain(Constrained *b, bool is_static) {
   car_apply(b);
 }
 
+static void car_reach(Constrained *b, number later) {
+  number more = later - b->later;
+  EACH(i, 2) b->position[i] += more * (b->velocity[i] + R(0.5) * more * b->pull[i]);
+  EACH(i, 3) b->velocity[i] += more * b->pull[i];
+  b->later = later;
+}
+
 static void car_sample(Constrained *b, const number gyro[3], const number accel[3], number dt,
                        bool is_static) {
-  number half = R(0.5) * dt, a[3], f[3], before[2] = {b->velocity[0], b->velocity[1]};
-  number left = dt - b->later;
+  number half = R(0.5) * dt, a[3], f[3];
   EACH(k, 3) a[k] = half * (gyro[k] - b->gyro_bias[k]), f[k] = accel[k] - b->accel_bias[k];
   EACH(i, 3) {
     cayley(b->C_nb[i], a);
     b->pull[i] = dot(b->C_nb[i], f);
     b->force[i] += dt * b->pull[i];
-    if (i == 2) b->pull[i] += GRAVITY;
-    b->velocity[i] += left * b->pull[i];
   }
-  EACH(i, 2) b->position[i] += R(0.5) * left * (before[i] + b->velocity[i]);
+  b->pull[2] += GRAVITY;
+  car_reach(b, dt);
   b->later = 0;
   add(b->turned, a);
   b->seconds += dt;
@@ -1035,13 +1040,6 @@ static void car_sample(Constrained *b, const number gyro[3], const number accel[
     car_carry(b);
     car_constrain(b, is_static);
   }
-}
-
-static void car_reach(Constrained *b, number later) {
-  number more = later - b->later;
-  EACH(i, 2) b->position[i] += more * (b->velocity[i] + R(0.5) * more * b->pull[i]);
-  EACH(i, 3) b->velocity[i] += more * b->pull[i];
-  b->later = later;
 }
 
 static void car_update(Constrained *b, const number *position, const number *velocity,
@@ -1283,7 +1281,7 @@ static Constrained *device_constrain(Device *d, const number *fix, const number 
   bool without = device_without_imu(d, d->t_epoch);
   if (car && without) car->started = false;
   if (!OPTIONS_FILTER_CAR || !d->constrained || !d->attitude.ready || without) return NULL;
-  number later = most(0, step_of(d->t_epoch, d->t_imu));
+  number later = most(0, (number)(d->t_epoch - d->t_imu));
   if (car) {
     car_reach(car, later);
     car_update(car, fix, velocity, sigma_p, sigma_v);

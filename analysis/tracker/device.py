@@ -210,7 +210,7 @@ class Device:
             self._predict(t_s)
         if car and car.started:
             lost = t_s - self._t_fix > GAP_S  # block 3 keeps the last speed, the car has its own
-            still = lost and bool(rest and rest.steady) and car.may_rest
+            still = lost and self.static.quiet and car.may_rest
             mean = [0.5 * (w + v) for w, v in zip(gyro_b, last)]
             car.sample(mean, accel_b, dt, still or not self.static.moving)
 
@@ -439,8 +439,8 @@ class Device:
             square = a * a + b * b + self._unaided * straight**4
             return square + self._lasting, 0.0, square + self._lasting
         square = block.sigma_p * block.sigma_p
-        nn, ne, ee = car.ellipse if car and car.started else (square, 0.0, square)
-        return nn + self._lasting, ne, ee + self._lasting
+        P = car.P if car and car.started else ((square, 0.0), (0.0, square))
+        return P[0][0] + self._lasting, P[0][1], P[1][1] + self._lasting
 
     def _constrain(self, fix, velocity, sigma_p, sigma_v):
         """Run the constrained filter; return it once it has started."""
@@ -450,7 +450,7 @@ class Device:
             return None
         if not car or not block.ready:
             return None
-        later = max(0.0, round(self._t_epoch - self._t_imu, 9))
+        later = max(0.0, self._t_epoch - self._t_imu)
         if car.started:
             car.reach(later)
             car.update(fix, velocity, sigma_p, sigma_v)
