@@ -21,15 +21,6 @@ def test_one_and_two_sided_densities():
         assert density[5:-5].mean() == pytest.approx(expected, rel=0.01)
 
 
-def test_diffusion_is_that_of_a_bias_at_first():
-    """Analytic: <(b(t) - b(0))^2> is K^2 t for t << T_c and 2 sigma_b^2 at last."""
-    sigma, time = 0.005, 200.0
-    k, t = c.diffusion(sigma, time), np.array([0.1, 1.0, 1e5])
-    assert c.stationary(k, time) == pytest.approx(sigma)
-    moved = 2 * sigma**2 * -np.expm1(-t / time)
-    np.testing.assert_allclose(moved, [k**2 * 0.1, k**2, 2 * sigma**2], rtol=3e-3)  # t / 2 T_c
-
-
 def test_hump_and_floor():
     """Analytic: the hump at 1.89 T_c is 0.617 sigma_b, and the floor is the lowest point before."""
     tau = np.geomspace(0.1, 100, 20_001)

@@ -95,7 +95,10 @@ def test_errors_as_assumed_are_explained_at_the_true_place(drive, errors, mean):
 
 
 def test_drives_together_are_as_alone(drive):
-    """cross-check: two drives, one of which loses its place, against each by itself."""
+    """cross-check: two drives, one of which loses its place, against each by itself.
+
+    property: on the mirrored road both are where they were; the other way, that which is not lost.
+    """
     road, setup, truth, moved = drive
     slipped = moved.copy()
     slipped[100:160] = 0.0
@@ -106,6 +109,12 @@ def test_drives_together_are_as_alone(drive):
         np.testing.assert_allclose(both.position[:, d], alone.position[:, 0], atol=1e-9)
         assert [k for e, k in both.alarms if e == d] == [k for _, k in alone.alarms]
     assert {d for d, _ in both.alarms} == {1} and not both.lost[-1].any()
+    for left_right, way, drives in ((-1, 1, [0, 1]), (1, -1, [0])):  # mirrored; the other way
+        start = road.start if way > 0 else -road.end
+        other = AttitudeMap(start, road.step, left_right * road.attitude[:, ::way])
+        steps, z = way * np.array([moved, slipped]).T[:, drives], left_right * samples[:, :, drives]
+        found = watch(other, z, steps, way * truth[[0] * len(drives)], MEMS, setup)
+        np.testing.assert_allclose(way * found.position, both.position[:, drives], atol=1e-6)
 
 
 def test_the_map_is_averaged_over_ten_metres():
