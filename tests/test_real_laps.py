@@ -149,6 +149,7 @@ def test_resampling_keeps_gaps():
     expected = np.arange(16) / 2
     expected[7:10] = np.nan
     np.testing.assert_allclose(attitude, expected[None])
+    assert real_laps._every_metre(np.r_[0.0, 2.0], np.r_[1.0, 3.0]).tolist() == [1.0, 2.0]
 
 
 def test_two_short_laps_say_nothing_of_a_maps_error():
