@@ -15,11 +15,11 @@ from scipy.stats import norm
 
 from analysis import Estimate, pretty
 from analysis.figures import DOUBLE
-from analysis.noise import graph
 from analysis.noise.added_terms import adev_of_signal
 from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise
 from analysis.noise.models import FLICKER, adev_of_terms
+from analysis.noise.over_models import lowest
 from analysis.resampling import quantiles
 from analysis.terrain.monte_carlo import ErrorPlane
 from analysis.terrain.trends import line_and_square
@@ -217,7 +217,7 @@ def fitted_model(ax: Axes, noise: ChannelNoise, *, color: str = "k", legend: boo
     end = float(tau[-1])
     marks = (
         ("N", ("arw", "vrw"), 1.0, 1.0, "s"),
-        ("B", ("bias_instability",), tau[graph.floor_of(model)[0]], FLICKER, "o"),
+        ("B", ("bias_instability",), tau[lowest(model[None])[0]], FLICKER, "o"),
         ("K", ("rrw",), end, np.sqrt(end / 3), "^"),
     )
     for symbol, keys, at, factor, marker in marks:
@@ -308,8 +308,8 @@ def atlas(fig: Figure, table: pd.DataFrame) -> None:
                 axis.set_major_formatter("{x:g}")
                 axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.set_title({"rate": "gyros", "accel": "accelerometers"}[kind])
-        columns = 2 if kind == "rate" else 1
-        below = {"loc": "upper left", "bbox_to_anchor": (0, -0.2), "ncols": columns}
+        side, at, columns = ("left", 0, 2) if kind == "rate" else ("right", 1, 1)
+        below = {"loc": f"upper {side}", "bbox_to_anchor": (at, -0.2), "ncols": columns}
         ax.legend(fontsize=6, markerscale=0.7, **below)
 
 

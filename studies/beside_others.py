@@ -129,7 +129,10 @@ def simulated(log, *, model, dt, kind, hours, entries=()):
     """
     rng, rows = np.random.default_rng(log[1]), []
     y = model.simulate(round(3600 * hours / dt), dt, rng)
-    truth = coverage.truths(getattr(model, "truth", model), dt)
+    sensor = getattr(model, "truth", model)
+    truth = coverage.truths(sensor, dt, hours)
+    # Of flicker noise others give the coefficient, this package the floor.
+    of_others = truth | {"bias_instability": getattr(sensor, "bias_instability", 0.0)}
     methods = {method: partial(read, y[np.isfinite(y)]) for method, read in OTHERS.items()}
     methods[OURS] = partial(_ours, y, seed=int(rng.integers(2**32)))
     methods |= {name: partial(answered, command, y) for name, command in entries}
@@ -141,9 +144,10 @@ def simulated(log, *, model, dt, kind, hours, entries=()):
             fault = str(error)
         seconds = sum(os.times()[:4]) - sum(begun[:4])  # with the commands that ended
         row = {"run": log[0], "method": method, "seconds": seconds}
+        right = of_others if method != OURS and of_others["bias_instability"] else truth
         for p in COMPARED:
             numbers = dict(zip(NUMBERS, (*found.get(p, (np.nan,) * 3), False), strict=False))
-            rows.append(row | {"fault": fault, "parameter": p, "truth": truth[p]} | numbers)
+            rows.append(row | {"fault": fault, "parameter": p, "truth": right[p]} | numbers)
     return rows
 
 

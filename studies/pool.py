@@ -24,6 +24,7 @@ from scipy.stats import chi2, f, norm
 from analysis import Estimate
 from analysis.noise.fit import MODELS, UNIFIED, choose, direction
 from analysis.noise.notes import listed, said
+from analysis.noise.over_models import Floor
 from analysis.noise.parameters import BY_TERM, DENSITY, unit_of
 from analysis.noise.profile_likelihood import profile_curve
 
@@ -67,6 +68,8 @@ def pool(inferences, dt, unit, kind):
     for key, name, what in _wanted(chosen, kind):
         fits = by_model.get(name) or _fits(inferences, name)
         pairs = list(zip(inferences, fits, strict=True))
+        if what == "floor" and not all(Floor(i.likelihood, fit).reached for i, fit in pairs):
+            continue
         curves = [profile_of_unit(i.likelihood, fit, what) for i, fit in pairs]
         parameters[key], spread[key] = population(curves, unit_of(key, unit), name)
         if what == "sigma_b":
@@ -168,19 +171,23 @@ def profile_of_unit(likelihood, fit, what):
     fit : analysis.noise.fit.Fit
         Its maximum.
     what : str
-        ``sigma_v``, ``sigma_b``, ``corr_time``, ``walk``, ``rrw`` or ``flicker``.
+        ``sigma_v``, ``sigma_b``, ``corr_time``, ``walk``, ``rrw`` or ``floor``.
 
     Returns
     -------
     Profile
     """
-    along, offset = direction(fit, what)
-    surface = likelihood.surface(fit.names)
+    if what == "floor":
+        floor, along, offset = Floor(likelihood, fit), np.eye(len(fit.point))[0], 0.0
+        surface, start = floor.surface, floor.start
+    else:
+        surface, start = likelihood.surface(fit.names), fit.point
+        along, offset = direction(fit, what)
     highest = np.inf
     if what == "sigma_b":  # beyond, the longest time tried, not the log, ends the curve
         i = int(np.argmax(along))
         highest = along @ np.where(np.arange(len(along)) == i, fit.point, surface.high)
-    at, fall, closed = profile_curve(surface, fit.point, fit.log_likelihood, along, highest)
+    at, fall, closed = profile_curve(surface, start, fit.log_likelihood, along, highest)
     return Profile(at + offset, fall, closed)
 
 
@@ -194,8 +201,9 @@ def _wanted(chosen, kind):
     wanted = [
         (key, chosen.model, term)
         for term, key in BY_TERM.items()
-        if term in chosen.names and term != "corr_time" and (term != "rrw" or kind in DENSITY)
+        if term in chosen.names and (term == "sigma_v" or (term == "rrw" and kind in DENSITY))
     ]
+    wanted += [("bias_instability", chosen.model, "floor")] if kind in DENSITY else []
     # All logs together may resolve what looks like a random walk in each.
     plain = UNIFIED if chosen.plain == "N+K" else chosen.plain
     slow = plain + chosen.end

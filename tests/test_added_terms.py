@@ -49,8 +49,8 @@ def test_a_term_is_found_and_the_noise_is_as_without(kind):
     assert found.terms[0].parameters.keys() == truth.keys()
     for name, e in found.terms[0].parameters.items():
         assert abs(e.value - truth[name]) < e.high - e.low
-    a, b = found.parameters["sigma_b"], whole.parameters["sigma_b"]
-    assert a.resolved and b.low < a.value < b.high and not found.parameters["rrw"].resolved
+    (size,), b = found.fits["N+GM"].terms["sigma_b"], whole.parameters["sigma_b"]
+    assert b.low < size < b.high and not found.parameters["rrw"].resolved
     assert kind in [d.kind for d in found.disturbances]
 
 

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import binom
+from scipy.stats import binom, skew
 
 from analysis import store
 from studies import coverage
@@ -49,7 +49,7 @@ def test_intervals_hold_the_truth(papers):
     ("N+GM, unselected", "corr_time", (6,), [*coverage.papers()], "mean", 0.95, 1.05),
     ("1/e", "corr_time", (2,), ["midg-roll"], "median", 0.0, 0.7),
     ("likelihood", "drift", (2, 6), ["walk"], "covered", 0.92, 1.0),
-    ("likelihood", "bias_instability", (2, 6), ["flicker"], "covered", 0.9, 1.0),
+    ("likelihood", "bias_instability", (2, 6), ["terrain", "walk", "flicker"], "covered", 0.9, 1.0),
     ("likelihood", "rrw", (2, 6), ["flicker"], "covered", 0.9, 1.0),
     ("likelihood", "drift", (2, 6), ["weak-bias"], "covered", 0.9, 1.0)])  # fmt: skip
 def test_what_the_study_says(study, estimator, parameter, hours, models, statistic, low, high):
@@ -118,8 +118,14 @@ def test_what_breaks_a_log_is_what_is_said():
     assert (done["rotation"] == 30).all()
     # Student t3 at the sensor's standard deviation; its square has no variance, hence 10 %.
     assert done["student-t3"].std() == pytest.approx(0.06, rel=0.1)
-    first, second = done["doubled"][: n // 2], done["doubled"][n // 2 + 1 :]
-    assert not first.any() and second.std() == pytest.approx(np.sqrt(3) * 0.06, rel=0.02)
+    first, second = np.split(done["doubled"], 2)
+    assert second.std() == pytest.approx(2 * first.std(), rel=0.02)
+    for what in ("doubled", "bursts", "restless", "skewed"):  # standard error: 0.3 to 1 %
+        assert done[what].std() == pytest.approx(0.06, rel=0.03), what
+    assert skew(done["skewed"]) == pytest.approx(2, rel=0.1)
+    assert set(np.abs(done["popcorn"])) == {0.02}
+    assert 10 <= (np.diff(done["popcorn"]) != 0).sum() <= 40  # 24 on average
+    assert np.ptp(done["thermostat"]) == pytest.approx(0.03, rel=0.01)
     cells = [f"{name}+{what}" for what in ("nothing", "cycle")]
     rngs = [np.random.default_rng(coverage.streams(cell, 2)[1]) for cell in cells]
     models = [coverage.broken()[cell][0] for cell in cells]
@@ -139,7 +145,7 @@ def test_low_pass_leaves_slow_noise():
 
 def test_truths_of_a_sensor():
     """analytic: N = sigma_v sqrt(dt); a walk's floor is sqrt(2 N K / sqrt(3)) / 0.664."""
-    truth = coverage.truths(coverage.Gyro(0.06, rrw=6.5e-4), 0.1)
+    truth = coverage.truths(coverage.Gyro(0.06, rrw=6.5e-4), 0.1, 2.0)
     arw = 0.06 * np.sqrt(0.1)
     assert truth["arw"] == pytest.approx(arw)
     floor = np.sqrt(2 * arw * 6.5e-4 / np.sqrt(3)) / np.sqrt(2 * np.log(2) / np.pi)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
+from analysis import Estimate
 from analysis.noise import graph
-from analysis.noise.allan import AllanCurve, allan_deviation, fit_line
-from analysis.noise.models import UnifiedModel
+from analysis.noise.allan import AllanCurve
 from analysis.noise.notes import said
-from workbench import conventions
+from analysis.noise.over_models import lowest
 
 Q = (np.arange(20_000) + 0.5) / 20_000  # evenly spread probabilities
 X = np.geomspace(0.1, 1000.0, 200)
@@ -65,37 +65,29 @@ def test_white_noise_is_read_where_the_slope_is():
         assert run == (None if found is None else found.tolist())
 
 
-def test_a_floor_by_its_rules():
-    """analytic: adev^2 of T / 2 tau and tau / 2 T is lowest, 1, at T; given, or refused and why.
-
-    A longest mean is 0.4 of the last; the curve may be off by twice its interval, in logarithms.
-    """
-    tau = 10 ** np.linspace(-2, 1, 61)  # T is the 31st
-    model = np.sqrt((tau[30] / tau + tau / tau[30]) / 2)
+def test_a_floor_beside_its_curve():
+    """known case: the models' inside the band, wider where the power wanders; else the curve's."""
+    tau, modelled = 10 ** np.linspace(-2, 1, 61), Estimate(1.0, 0.9, 1.2, "deg/s", note="models")
     low, high = np.sqrt(200 / chi2.ppf([0.975, 0.025], 200))
-    for off, first, last, edf, code in (
-        (1.03, 0, 61, 200, ""), (1.03, 0, 40, 200, ""), (1.03, 0, 39, 200, "no_floor"),
-        (1.0, 0, 40, 20, "no_floor"), (1.03, 29, 61, 200, ""), (1.03, 30, 61, 200, "rises"),
-        (0.99 * high**-2, 0, 61, 200, "floor_off"), (1.01 * high**-2, 0, 61, 200, ""),
-        (1.01 * low**-2, 0, 61, 200, "floor_off"), (0.99 * low**-2, 0, 61, 200, ""),
+    more = np.sqrt(1.6**2 - 1) * np.log(high / low)  # of the band than of the chi-square interval
+    wider = np.hypot(1, more / np.log(1.2 / 0.9))
+    for adev, over, trusted, expected in (
+        (1.0, 1.0, True, (1.0, 0.9, 1.2)), (1.0, 1.4, True, (1.0, 0.9, 1.2)),
+        (1.0, 1.6, True, (1.0, 0.9**wider, 1.2**wider)), (1.05, 1.0, True, (1.0, 0.9, 1.2)),
+        (1.2, 1.0, True, (1.2, 1.2 * low, 1.2 * high)),
+        (0.8, 1.0, True, (0.8, 0.8 * low, 0.8 * high)),
+        (1.0, 2.0, False, (1.0, low**2, high**2)),
     ):  # fmt: skip
-        t = tau[:last]
-        adev = off * np.where(np.arange(61) == 3, 0.1, model)[:last]  # a low point is no floor
-        curve = AllanCurve(t, adev, 0 * t, 0 * t, np.full(last, float(edf)))
-        begins = {"shortest": tau[first]} if first else {}
-        found = graph.bias_instability(curve, "deg/s", model[:last], **begins)
-        ends = off / 0.6643 * np.sqrt(edf / chi2.ppf([0.975, 0.025], edf))
-        expected = [ends[1]] if code else [off / 0.6643, *ends]
-        given = [x for x in (found.value, found.low, found.high) if x is not None]
-        assert given == pytest.approx(expected, rel=1e-3)  # 0.6643 has four digits
-        longest = t[t <= 0.4 * t[-1]][-1]
-        told = said(code or "floor", tau=tau[30], longest=longest)
-        assert found.note == told + ("" if code else said("floor_at", tau=tau[30]))
-    # The interval reaches down to flicker noise that the log leaves possible.
-    wider = graph.bias_instability(curve, "deg/s", model, flicker=(0.1, 9.0))
-    assert (wider.value, wider.low, wider.high) == (found.value, 0.1, found.high)
-    assert wider.note == graph.listed(found.note, said("down_to_flicker"))
-    assert not graph.bias_instability(curve, "deg/s", model, flicker=(None, 9.0)).resolved
+        y = np.where(np.arange(61) == 30, adev, 9.0) * 0.6643  # a tenth of a decade away
+        curve = AllanCurve(tau, y, y * low**over, y * high**over, np.full(61, 200.0))
+        found = graph.bias_instability(curve, modelled, tau[30] * 1.02, trusted=trusted)
+        assert (found.value, found.low, found.high) == pytest.approx(expected, rel=1e-3)
+        assert (said("floor_off") in found.note) == (adev in (1.2, 0.8) or not trusted)
+    narrow = graph.wandering(curve, tau[30], Estimate(1.0, 0.99, 1.01, "deg/s"))
+    assert (narrow.low, narrow.high) == pytest.approx((0.99**2, 1.01**2))  # not the whole band
+    refused = Estimate.refused("deg/s", "none", high=1.0)
+    assert graph.bias_instability(curve, refused, 1.0) is refused
+    assert graph.wandering(curve, 1.0, refused) is refused
 
 
 def test_floors_of_few_points():
@@ -104,29 +96,7 @@ def test_floors_of_few_points():
     Beyond the hump of a short bias a curve falls below its floor.
     """
     for model, floor in (
-        ([3, 4, 2, 5, 1], (2, True)), ([3, 2, 2, 4], (1, True)), ([5, 4, 3], (2, False)),
-        ([1, 2, 3], (0, False)), ([4, 2, 3, 1, 2], (3, True)),
+        ([3, 4, 2, 5, 1], 2), ([3, 2, 2, 4], 1), ([5, 4, 3], 2), ([1, 2, 3], 0),
+        ([4, 2, 3, 1, 2], 3),
     ):  # fmt: skip
-        assert graph.floor_of(np.array(model)) == floor
-    tau, model = np.array([1.0, 2, 4, 10]), np.array([2.0, 1, 1.5, 3])
-    curve = AllanCurve(tau, model, model, model, np.full(4, 200.0))
-    assert graph.bias_instability(curve, "deg/s", model).resolved
-
-
-GYRO = UnifiedModel(0.04, 200.0, 0.005)  # of the terrain paper's size, at 100 Hz
-TRUTH = conventions.floor(0.004, 0.005, 200.0, 0.01)[1] / 0.664
-
-
-def test_the_floor_of_a_bias_is_covered():
-    """coverage: of two-hour logs of a Gauss-Markov bias, 95 % of the intervals hold the floor."""
-    runs, found = 200, []
-    m = np.unique(np.geomspace(1, 1800, 16).round().astype(int))
-    for stream in np.random.SeedSequence(14).spawn(runs):
-        y = GYRO.simulate_means(7200, 100, 0.01, np.random.default_rng(stream))
-        curve = allan_deviation(fit_line(y, 1.0)[0], 1.0, m)
-        found.append(graph.bias_instability(curve, "deg/s", GYRO.adev(curve.tau, 0.01)))
-    given = [b for b in found if b.resolved]
-    # Refused is a curve that is off by more than twice its interval: less than one in a hundred.
-    assert len(given) >= 0.99 * runs
-    # 93-97 %, and the standard error of 200 logs, 1.5 %.
-    assert 0.93 - 0.015 <= np.mean([b.low < TRUTH < b.high for b in given]) <= 0.97 + 0.015
+        assert lowest(np.array([model, model])).tolist() == [floor] * 2

@@ -328,19 +328,16 @@ def test_white_noise_behind_a_first_order_low_pass_is_its_plateau():
     y = lfilter([1 - keep], [1, -keep], 0.06 * np.random.default_rng(3).standard_normal(n))
     found = infer(y, dt, "deg/s", "rate", np.random.default_rng(4))
     e, bias = found.parameters["sigma_v"], found.parameters["sigma_b"]
-    assert e.resolved and e.low < 0.06 < e.high < 1.2 * e.low and not bias.resolved
+    assert e.resolved and e.low < 0.06 < e.high < 1.25 * e.low and not bias.resolved
 
 
-def test_a_walk_beside_a_bias_may_be_a_second_bias():
-    """property: K is widened by what two biases leave of it, and refused if they leave none."""
-    model, dt, kind = coverage.broken()["two-biases+walk"]
-    for stream, given in zip(coverage.streams("two-biases", 2), (True, False), strict=True):
-        y = model.simulate(72_000, dt, np.random.default_rng(stream))
-        found = infer(y, dt, "deg/s", kind, np.random.default_rng(stream))
-        walk, alone = found.parameters["rrw"], found.likelihood.interval(found.chosen, "rrw")
-        assert found.chosen.model == "N+GM+K" and walk.resolved == given
-        assert (walk.low or 0.0) <= 6.5e-4 <= walk.high
-        assert (walk.low or 0.0) < 0.95 * alone[0] and walk.high >= alone[1]
+def test_a_bias_is_found_beside_the_plateau_of_endless_times():
+    """property: no correlation time of a grid is better than the one found."""
+    model, dt, _ = coverage.models()["tokimec-yaw"]
+    y = model.simulate(432_000, dt, np.random.default_rng(coverage.streams("tokimec-yaw", 1)[0]))
+    likelihood = NoiseLikelihood(spectrum.transform(y, dt))
+    found = inference.fit_all(likelihood, rate=False, near={})["N+GM"]
+    assert likelihood.profile(found, "corr_time", np.geomspace(200.0, 1e6, 20)).min() > -1e-3
 
 
 def test_what_is_used_of_a_log_with_losses():
@@ -352,15 +349,15 @@ def test_what_is_used_of_a_log_with_losses():
     assert spectrum.spectra(np.where(k % 4, 1.0, np.nan), 0.1, 2).behind == pytest.approx([4 / 3])
 
 
-def test_richer_models_need_strong_evidence():
-    """property: of equals N+GM; 5 better is not enough for a fourth parameter, 7 is."""
+def test_the_simplest_model_of_those_that_are_near():
+    """property: within 2 of the least AIC the one with the fewest parameters, of equals N+GM."""
 
     def made(model, aic):
         return fit_of(model, np.ones(len(fit.MODELS[model])), aic)
 
     base = [made("N", 50.0), made("N+K", 9.0), made("N+B+K", 5.5), made("N+GM", 6.0)]
-    assert choose(base).model == "N+GM" and choose([*base, made("N+GM+K", 0.0)]).model == "N+GM"
-    assert choose([*base, made("N+GM+K", -1.0)]).model == "N+GM+K"
+    assert choose(base).model == "N+GM" and choose([*base, made("N+GM+K", 4.0)]).model == "N+GM"
+    assert choose([*base, made("N+GM+K", 3.0)]).model == "N+GM+K"
     for aic, model in ((10.5, "N"), (10.6, "N+GM")):
         assert choose([made("N", aic), made("N+GM", 8.5)]).model == model
 

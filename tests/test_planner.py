@@ -9,7 +9,6 @@ import pytest
 from analysis import Estimate, text
 from analysis.noise.fit import NoiseLikelihood
 from analysis.noise.models import UnifiedModel
-from analysis.noise.notes import said
 from analysis.noise.planner import Plan
 from analysis.noise.spectrum import transform
 from workbench import cli, report
@@ -55,13 +54,11 @@ def test_plan_from_a_first_log():
         return Estimate.refused("", "open", low=value)
 
     white, open_bias = known(0.1), (at_least(), at_least())
-    floor = known(0.2, said("floor") + "; the lower end is that of the flicker noise")
     for values, expected in (
         ((white, at_least(0.2), at_least(300.0)), (Plan(0.1, 0.2, 300.0), True)),
         ((white, known(0.3), known(50.0)), (Plan(0.1, 0.3, 50.0), False)),
         ((at_least(), *open_bias), (None, False)),
-        ((white, *open_bias, known(0.2, "likelihood of N+B+K")), (Plan(0.1, flicker=0.2), False)),
-        ((white, *open_bias, floor), (Plan(0.1), False)),  # read off, and no flicker noise
+        ((white, *open_bias, known(0.2)), (Plan(0.1), False)),  # a floor is no flicker noise
     ):
         names = ("sigma_v", "sigma_b", "corr_time", "bias_instability")
         assert Plan.from_estimates(dict(zip(names, values, strict=False))) == expected

@@ -106,8 +106,8 @@ def test_own_sensor_from_its_model():
     """property: value where the log resolves it, bound where not, rad/s as deg/s, else refused."""
     model = stored.read_model("adis16405")
     sensor, bound = Sensor.from_model(model, "gyro_y")
-    assert sensor[:2] == pytest.approx((0.0425, 0.00945), rel=0.01) and bound is False
-    assert Sensor.from_model(stored.read_model("mpu6050-gyro"), "gyro_x")[1] is True
+    assert sensor[:2] == pytest.approx((0.0425, 0.0127), rel=0.01) and bound is False
+    assert Sensor.from_model(stored.read_model("mpu6050-gyro"), "gyro_y")[1] is True
     in_rad = json.loads(json.dumps(model))
     for c in in_rad["channels"]:
         c["unit"] = "rad/s"

@@ -116,11 +116,11 @@ def test_a_sheet_without_a_random_walk_of_the_accelerometer():
 
 def test_a_short_log(tmp_path, no_pictures):
     """Property: seconds are enough for N and for nothing slow; nothing is promised beyond."""
-    told, page = logged(tmp_path, {"gyro_x_deg_s": noise(0.004, n=150)}, n=150)
+    told, page = logged(tmp_path, {"gyro_x_deg_s": noise(0.004, n=400)}, n=400)
     within, rest, enough = told["answers"]
     why = sentences(*enough.why)
     assert (rest.answer, enough.answer) == ("yes", "partly")
-    assert "7.5 s: long enough for N of gyro_x, known to ±" in why
+    assert "20 s: long enough for N of gyro_x, known to ±" in why
     assert "B of gyro_x not resolved; B takes an hour or more" in why
     assert within.answer in ("open", "no") and why in page
 

@@ -17,12 +17,12 @@ from analysis.noise.autocorrelation import autocovariance, block_means
 from analysis.noise.disturbances import FEW_LEVELS, adjusted
 from analysis.noise.goodness import together
 from analysis.noise.inference import infer
-from analysis.noise.models import adev_of_terms
 from analysis.noise.notes import said
-from analysis.noise.parameters import DENSITY, PARAMETERS
+from analysis.noise.over_models import MEANS
+from analysis.noise.parameters import DENSITY, PARAMETERS, WHITE
 from analysis.noise.recipes import SHORT
 
-MEANS = 2  # fitted, in the shortest averaging time at which a floor is read
+CHANGES = ("misfit", "noise_level")  # which the band of an Allan curve holds
 WHOLE = 1500  # points that draw a whole log
 LAGS = 400  # points that draw an autocorrelation
 FEWEST = 64  # samples below which there is nothing to average
@@ -137,14 +137,11 @@ def characterise(
             raise CannotAnswer(said("channel", name=name, why=error)) from error
         known, models, fit = result.parameters, result.table(), result.summary()
         fitted_from = result.averaged * dt
-        if kind in DENSITY and "bias_instability" not in known:
+        if kind in DENSITY:
             curve = line_removed
             if result.terms:
                 curve = allan_deviation(fit_line(result.without_terms(y), dt)[0], dt)
-            model = adev_of_terms(result.chosen.terms, curve.tau, dt)
-            shortest, flicker = MEANS * fitted_from, result.possible_flicker()
-            read = graph.bias_instability(curve, unit, model, shortest=shortest, flicker=flicker)
-            known["bias_instability"] = adjusted(read, "bias_instability", result.disturbances)
+            known |= _beside_the_curve(result, known, curve)
         parameters = {key: known[key] for key in PARAMETERS if key in known}
     return ChannelNoise(
         name=name,
@@ -162,6 +159,18 @@ def characterise(
         fit=fit,
         temperature=None if temperature is None else block_means(temperature, m),
     )
+
+
+def _beside_the_curve(result, known, curve):
+    """Widen white noise whose power wanders along the curve, and compare the floor with it."""
+    shortest, white = MEANS * result.averaged * result.coarse.dt, [n for n in WHITE if n in known]
+    found = {n: graph.wandering(curve, shortest, known[n], graph.WHITE_WANDERS) for n in white}
+    changes = [d for d in result.disturbances if d.kind in CHANGES]
+    trusted = not any("bias_instability" in d.affects for d in changes)
+    modelled, tau = result.bias_instability(), result.floor.at
+    read = graph.bias_instability(curve, modelled, tau, trusted=trusted)
+    others = [d for d in result.disturbances if d not in changes]
+    return found | {"bias_instability": adjusted(read, "bias_instability", others)}
 
 
 def joined(channels, duration):

@@ -446,7 +446,8 @@ def level_changes(
     start, end = float(edges[off[0]]), float(edges[off[-1] + 1])
     refused = half > UNSTEADY
     code, widens = ("level_refuses", None) if refused else ("level_widens", (half, half))
-    note = said(code, low=low, high=high, parts=len(level), percent=100 * half)
+    ends = {"first": level[0], "last": level[-1]}
+    note = said(code, low=low, high=high, parts=len(level), percent=100 * half, **ends)
     return [Disturbance("noise_level", start, end, note, affects, widens, (low, high))]
 
 

@@ -5,7 +5,7 @@ the rate (K); mean and linear drift are removed exactly (see `likelihood`). They
 Akaike's criterion, 2 (parameters) - 2 ln L; `choose` says how.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,14 +25,11 @@ MODELS = {
 }
 # To which a term is added.
 SIMPLER = {"N+B+K": ["N+B"], "N+GM+K": ["N+GM", "N+K"], "N+2GM": ["N+GM"]}
-# Not chosen: it only shows how little of a random walk beside a bias may be a walk.
-THREE_SLOW = "N+2GM+K"
 UNIFIED = "N+GM"
 # The model with a random walk that white or flicker noise may mask.
 WITH_WALK = {"N": "N+K", "N+B": "N+B+K"}
 QUANTISED = "+Q"
 EQUAL = 2.0  # AIC differences up to this count as equal
-STRONG = 6.0  # AIC by which a richer model than the unified one has to be better
 LONGEST = 100.0  # longest correlation time tried, in log lengths
 SHORTEST = 4.0  # shortest, in samples or means: what is shorter counts as white
 # Smallest deviation tried, in standard deviations of the log: the squares of smaller ones are below
@@ -134,15 +131,20 @@ class NoiseLikelihood:
         low, high = np.log(np.array([box[name] for name in names])).T
         return Surface(
             lambda points: self.evaluate(points, names).value,
-            lambda point: self._information(point, names),
+            lambda point: self.information(point, names),
             np.array([name != "corr_time" for name in names]),
             *(low, high),
         )
 
-    def _information(self, point, names):
-        """Expected information of the logarithms, each coefficient by itself (Whittle)."""
-        steps = rows(point + 1j * IMAGINARY * np.eye(len(point)), names)
-        variance = bin_variance(self.spectrum, steps)
+    def information(
+        self, point: np.ndarray, names: Sequence[str], back: Callable = lambda points: points
+    ) -> np.ndarray:
+        """Expected information of the logarithms, each coefficient by itself (Whittle).
+
+        Of other coordinates, `back` makes logarithms of them.
+        """
+        steps = back(point + 1j * IMAGINARY * np.eye(len(point)))
+        variance = bin_variance(self.spectrum, rows(steps, names))
         share = variance.imag / IMAGINARY / variance.real * np.sqrt(self.spectrum.count / 2)
         share = share.reshape(len(point), -1)
         return share @ share.T
@@ -155,8 +157,8 @@ class NoiseLikelihood:
         Parameters
         ----------
         model : str
-            A key of `MODELS`, by default white noise and one Gauss-Markov bias; or `THREE_SLOW`.
-            "+Q" after it adds a quantisation term.
+            A key of `MODELS`, by default white noise and one Gauss-Markov bias. "+Q" after it adds
+            a quantisation term.
         simpler : sequence of Fit
             Models to add terms to; by default they are fitted first, where `SIMPLER` names some,
             else the search starts from white noise.
@@ -169,8 +171,7 @@ class NoiseLikelihood:
         """
         plain = model.removesuffix(QUANTISED)
         end = model.removeprefix(plain)
-        names = MODELS["N+2GM"] + ("rrw",) if plain == THREE_SLOW else MODELS[plain]
-        names += ("quantisation",) if end else ()
+        names = MODELS[plain] + (("quantisation",) if end else ())
         surface = self.surface(names)
         starts = [fit.point for fit in near]
         simpler = simpler or [self.fit(name + end) for name in SIMPLER.get(plain, ())]
@@ -183,10 +184,24 @@ class NoiseLikelihood:
         aic = AIC_STEP * np.round((2 * len(names) - 2 * value) / AIC_STEP)
         return Fit(model, _named(point, names, surface.low), value, float(aic), point, names)
 
-    def interval(self, fit: Fit, what: str) -> tuple[float | None, float | None]:
+    def as_bias(self, walk: Fit) -> Fit:
+        """Give a fitted random walk as a slow bias to search from: with its best correlation time.
+
+        From a coarse grid a search may miss a maximum beside the plateau of endless times.
+        """
+        at = walk.names.index("rrw")
+        names = *walk.names[:at], "walk", "corr_time", *walk.names[at + 1 :]
+        times = np.log(np.geomspace(*np.array([1 / 300, 3]) * self.duration, TIMES))
+        points = np.insert(np.tile(walk.point, (TIMES, 1)), at + 1, times, axis=1)
+        best = np.argmax(self.surface(names).value(points))
+        return replace(walk, point=points[best], names=names)
+
+    def interval(
+        self, fit: Fit, what: str, fall: float = THRESHOLD
+    ) -> tuple[float | None, float | None]:
         """95 % profile-likelihood interval of ``sigma_v``, ``sigma_b``, ``corr_time``, ``rrw``...
 
-        Of two Gauss-Markov terms it is the longer one's.
+        Of two Gauss-Markov terms it is the longer one's. `fall` is that of 2 ln L at its ends.
 
         Returns
         -------
@@ -196,7 +211,9 @@ class NoiseLikelihood:
         along, offset = direction(fit, what)
         low, high = (
             None if end is None else float(np.exp(end + offset))
-            for end in interval(self.surface(fit.names), fit.point, fit.log_likelihood, along)
+            for end in interval(
+                self.surface(fit.names), fit.point, fit.log_likelihood, along, threshold=fall
+            )
         )
         return low, high
 
@@ -304,11 +321,10 @@ def direction(fit, what):
 
 
 def choose(fits):
-    """Choose the simplest model that is consistent with the log.
+    """Choose the simplest model within 2 of the least AIC, and N+GM among equals.
 
-    Of the models up to the size of N+GM it is the simplest within 2 of the least AIC, and N+GM
-    among equals. A richer one has to be better by more than 6: a term added by chance would
-    widen or shift the intervals of the others.
+    It is the one that is drawn, and under which the log is cleaned; what is reported is what all
+    models leave (see `over_models`).
 
     Parameters
     ----------
@@ -319,13 +335,6 @@ def choose(fits):
     Fit
     """
     fits = list(fits)
-    rich = [f for f in fits if len(f.point) > len(MODELS[UNIFIED]) or "quantisation" in f.names]
-    plain = _simplest([f for f in fits if not any(f is r for r in rich)])
-    better = [f for f in rich if f.aic < plain.aic - STRONG]
-    return _simplest(better) if better else plain
-
-
-def _simplest(fits):
     least = min(f.aic for f in fits)
     near = [f for f in fits if f.aic <= least + EQUAL]
     return min(near, key=lambda f: (len(f.point), not f.model.startswith(UNIFIED), f.aic))

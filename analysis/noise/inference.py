@@ -17,7 +17,6 @@ zero. So the threshold is calibrated by parametric bootstrap.
 
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from itertools import combinations
 
 import numpy as np
 from scipy.stats import norm
@@ -28,7 +27,6 @@ from analysis.noise.added_terms import (
     MOST_TERMS,
     AddedTerm,
     Coarse,
-    added_term,
     candidates,
     subtracted,
     weaker_noise,
@@ -38,8 +36,6 @@ from analysis.noise.fit import (
     MODELS,
     QUANTISED,
     SIMPLER,
-    STRONG,
-    THREE_SLOW,
     UNIFIED,
     WITH_WALK,
     Fit,
@@ -51,8 +47,9 @@ from analysis.noise.fit import (
 from analysis.noise.goodness import Test, by_octave, goodness_of_fit, stationarity_of
 from analysis.noise.likelihood import bin_variance, evaluate, simulate
 from analysis.noise.notes import listed, said
+from analysis.noise.over_models import PART, Floor, envelope
 from analysis.noise.parameters import BY_TERM, DENSITY, SLOW, unit_of
-from analysis.noise.profile_likelihood import LEVEL, interval
+from analysis.noise.profile_likelihood import LEVEL, THRESHOLD, interval
 from analysis.noise.spectrum import USED, fewest_to_average, spectra
 
 FEWEST_MEANS = 256  # averaging stops before fewer means are left
@@ -61,13 +58,8 @@ AGREE = 0.03  # relative
 MARGIN = 2  # doublings beyond the first band without a visible filter
 BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
 SELECTED = 30  # correlation times; the values of logs that hold fewer are a selection
-FEW = 4.0  # AIC within which a model without a term speaks against the term
-FLICKER_BETTER = 0.5  # AIC by which flicker noise has to be better to refuse T_c
-BETTER = 2.75  # AIC by which a second slow process counts, by chance in one log of sixty
 FOLDED = 0.23  # of the white noise of means comes from shorter periods: 1 - mean of sinc^2
-USELESS = 10.0  # high / low of a correlation time over several models; beyond it is refused
 SAME = 0.02  # relative; two terms so close to each other are one
-TWICE = np.geomspace(0.005, 1, 14)  # time constants of two warm-ups, in log lengths
 ENDS = np.geomspace(4, 40, 12)  # time constants of a warm-up that ends in a log, in log lengths
 INSTEAD = said("instead")  # how the note of a drift begins to say so
 FILTER = 8.0  # means; a shorter correlation time is a filter's, not a bias's
@@ -152,7 +144,7 @@ class Inference:
             "rivals": [
                 {"model": m["model"], "aic_above_least": round(m["aic_above_least"], 1)}
                 for m in self.table()
-                if m["aic_above_least"] <= FEW and not m["chosen"]
+                if m["aic_above_least"] <= THRESHOLD and not m["chosen"]
             ],
             "terms": [
                 {"kind": t.kind, "parameters": {k: _short(e) for k, e in t.parameters.items()}}
@@ -163,26 +155,30 @@ class Inference:
             "disturbances": [d.summary() for d in self.disturbances],
         }
 
-    @property
-    def level_fit(self):
-        """The fit that white and flicker noise are taken from.
-
-        With flicker noise it has a random walk too: one below the white noise would otherwise be
-        counted as flicker noise, and change the white noise with it.
-        """
-        return self.similar(WITH_WALK["N+B"]) if self.chosen.plain == "N+B" else self.chosen
-
     def similar(self, model):
         """Give the fit of another model, with quantisation if the chosen one has it."""
         return self.fits[model + self.chosen.end]
 
-    def estimate(self, fit, what, note, otherwise):
-        """Estimate one parameter of a fit; refused if the likelihood gives no lower bound."""
-        low, high = self.likelihood.interval(fit, what)
-        unit = unit_of(BY_TERM[what], self.unit)
-        if low is None:
-            return Estimate.refused(unit, otherwise, high=high)
-        return Estimate(fit.terms[what][0], low, high, unit, note=note)
+    def envelope(self, what, alike=None):
+        """Give the interval of a parameter by all models, or by those that are alike."""
+        fits = [fit for fit in self.fits.values() if alike is None or alike(fit)]
+        return envelope(self.likelihood, fits, what)
+
+    @property
+    def floor(self):
+        """The floor of the chosen model's Allan deviation."""
+        return Floor(self.likelihood, self.chosen)
+
+    def estimate(self, what, note, otherwise, alike=None):
+        """Estimate one parameter by all models; refused without a lower end."""
+        found, unit = self.envelope(what, alike), unit_of(BY_TERM[what], self.unit)
+        note = listed(said("of_models", models=", ".join(found.models)), note)
+        if found.low is None or (found.without and found.high is None):
+            without = said("near_without", models=", ".join(found.without))
+            why = listed(note, without if found.without else otherwise)
+            return Estimate.refused(unit, why, low=found.low, high=found.high)
+        value = self.chosen.terms[what][-1]
+        return Estimate(value, found.low, found.high, unit, note=note)
 
     def criterion(self):
         """AIC of the best model, with the coefficients of the terms at their best."""
@@ -210,13 +206,7 @@ class Inference:
 
     def white_noise(self):
         """White noise of a sample, U, with a note on the band it was fitted in."""
-        note = listed(said("of_model", model=self.level_fit.model), self.band)
-        white = self.estimate(self.level_fit, "sigma_v", note, listed(note, said("masked")))
-        rounded = self.fits.get(self.chosen.model + QUANTISED)
-        if white.resolved and rounded and rounded.aic < self.chosen.aic:
-            low, high = self.likelihood.interval(rounded, "sigma_v")
-            if None not in (low, high):
-                white = either(white, replace(white, low=low, high=high), "term of quantisation")
+        white = self.estimate("sigma_v", self.band, said("masked"))
         if self.averaged == self.fewest or white.low is None or white.high is None:
             return white
         low, high = white.low * (1 - AGREE / 2), white.high * (1 + AGREE / 2)
@@ -230,83 +220,33 @@ class Inference:
 
     def rate_random_walk(self):
         """Rate random walk K, U/sqrt(s)."""
-        unit, note = unit_of("rrw", self.unit), said("of_model", model=self.chosen.model)
-        if "rrw" in self.chosen.terms:
-            walk = self.estimate(self.chosen, "rrw", note, "")
-            rival = self.rival(without=("rrw", "corr_time")) or self.two_warm_ups()
-            if rival:
-                return Estimate.refused(unit, rival, high=walk.high)
-            if walk.resolved:
-                if self.chosen.plain == "N+K":
-                    walk = replace(walk, note=listed(note, said("or_a_bias")))
-                    beside = self.similar(WITH_WALK["N+B"])
-                    walk = either(walk, self.estimate(beside, "rrw", note, note), "flicker process")
-                return self._beside_two_biases(walk)
-        wider = self.similar(WITH_WALK.get(self.chosen.plain, "N+GM+K"))
-        high = self.likelihood.interval(wider, "rrw")[1]
-        return Estimate.refused(unit, said("no_walk", model=self.chosen.model), high=high)
-
-    def two_warm_ups(self):
-        """Say whether a second warm-up, instead of the random walk, describes the log as well."""
-        others = [term for term in self.terms if term.kind != "warm_up"]
-        if len(others) == len(self.terms):
-            return ""
-        noise = self.likelihood.terms(self.chosen)
-        still, times = replace(noise, rrw=None), self.coarse.duration * TWICE
-        least = min(
-            self.coarse.deviance([*others, *(added_term("warm_up", x) for x in pair)], still)[0]
-            for pair in combinations(times, 2)
-        )
-        if least > self.coarse.deviance(self.terms, noise)[0] + FEW:
-            return ""
-        return said("two_warm_ups")
-
-    def _beside_two_biases(self, walk):
-        """Widen a random walk beside one bias by what it may be beside two."""
-        if self.chosen.plain != "N+GM+K":
-            return walk
-        near = [self.chosen, self.similar("N+2GM")]
-        wider = self.likelihood.fit(THREE_SLOW + self.chosen.end, near)
-        low, high = self.likelihood.interval(wider, "rrw")
-        high = None if None in (high, walk.high) else max(high, walk.high)
-        if low is None:
-            why = listed(walk.note, said("second_bias"))
-            return Estimate.refused(walk.unit, why, high=high)
-        note = listed(walk.note, said("with_and_without", term="second bias"))
-        return replace(walk, low=min(low, walk.low), high=high, note=note)
+        chosen, unit = self.chosen, unit_of("rrw", self.unit)
+        wider = self.similar(WITH_WALK.get(chosen.plain, "N+GM+K"))
+        bound = self.likelihood.interval(wider, "rrw")[1]
+        if "rrw" not in chosen.terms:
+            return Estimate.refused(unit, said("no_walk", model=chosen.model), high=bound)
+        # A slow bias looks like a walk, and is no other finding.
+        alone = not chosen.terms.get("corr_time")
+        alike = (lambda fit: not fit.terms.get("corr_time")) if alone else None
+        walk = self.estimate("rrw", said("or_a_bias") if alone else "", said("no_end"), alike)
+        _, high = _widest((None, walk.high), (None, bound))
+        return walk if walk.resolved else replace(walk, high=high)
 
     def bias_instability(self):
-        """Bias instability B of fitted flicker noise, U."""
-        note = said("of_model", model=self.level_fit.model) + said("flicker")
-        return self.estimate(self.level_fit, "flicker", note, listed(note, said("or_a_walk")))
-
-    def rival(self, without=(), having=None, few=FEW):
-        """Name a model with one term, without others, within a few AIC, or nothing."""
-        rivals = [
-            fit
-            for fit in self.fits.values()
-            if fit.end == self.chosen.end and not set(without) & fit.terms.keys()
-            if having is None or having in fit.terms
-        ]
-        best = min(rivals, key=lambda fit: fit.aic)
-        if best.aic > self.chosen.aic + few:
-            return ""
-        more = best.aic - self.chosen.aic
-        code = "rival_near" if more > 0 else "rival_equal"
-        return said(code, rival=best.model, chosen=self.chosen.model, more=more)
-
-    def possible_flicker(self):
-        """95 % interval of flicker noise, U, if a model with it is not clearly worse, else None."""
-        wider = self.similar(WITH_WALK["N+B"])
-        if min(wider.aic, self.similar("N+B").aic) > self.chosen.aic + STRONG:
-            return None
-        return self.likelihood.interval(wider, "flicker")
+        """Bias instability, U: the floor of the Allan deviation / 0.664."""
+        floor, found = self.floor, self.envelope("floor")
+        if None in (found.low, found.high) or not floor.reached:
+            why = said("no_floor", longest=self.likelihood.duration / PART)
+            return Estimate.refused(self.unit, why, high=found.high)
+        note = listed(said("of_models", models=", ".join(found.models)), said("floor"))
+        note += said("floor_at", tau=floor.at)
+        return Estimate(floor.value, found.low, found.high, self.unit, note=note)
 
     def bias(self):
         """Give corr_time (s) and sigma_b (U) of the Gauss-Markov bias."""
         if self.chosen.terms.get("corr_time"):
             return self._gauss_markov()
-        if self.chosen.model.startswith("N+K"):
+        if "rrw" in self.chosen.terms:
             return self._random_walk()
         if "flicker" in self.chosen.terms:
             more = self.similar(UNIFIED).aic - self.chosen.aic
@@ -324,41 +264,23 @@ class Inference:
         }
 
     def _gauss_markov(self):
-        fit, flicker = self.chosen, self.rival(having="flicker", few=-FLICKER_BETTER)
-        if flicker:
-            return self._no_bias(flicker + said("no_time"), flicker)
-        second, own = "", {w: self.likelihood.interval(fit, w) for w in ("corr_time", "sigma_b")}
-        ends = own
-        if self.second_process():
-            fit = self.similar("N+2GM")
-            ends = {w: self.likelihood.interval(fit, w) for w in own}
-            if "rrw" not in self.chosen.terms:
-                ends = {w: _widest(own[w], ends[w]) for w in own}
-            second = said("second_process", unit=self.unit, **{w: fit.terms[w][0] for w in own})
-        times = self.likelihood.duration / fit.terms["corr_time"][-1]
-        covers = said("times", times=_count(times))
-        note = listed(said("of_model", model=fit.model), covers, second)
-        estimates, (low, high) = {}, ends["corr_time"]
-        useless = bool(second and low and high and high > USELESS * low)
-        for (what, (low, high)), unit in zip(ends.items(), ("s", self.unit), strict=True):
-            if useless or None in (*ends["corr_time"], low, high):
-                why = note if second else note + said("too_few")
-                high = None if ends["corr_time"][1] is None else high
-                estimates[what] = Estimate.refused(unit, why, low=low, high=high)
-            else:
-                few = said("few_low") if times < SELECTED else ""
-                estimates[what] = Estimate(fit.terms[what][-1], low, high, unit, note=note + few)
-        return estimates
+        times = self.likelihood.duration / self.chosen.terms["corr_time"][-1]
+        note = said("times", times=_count(times))
+        few = said("few_low") if times < SELECTED else ""
+        return {what: self._of_bias(what, note, few) for what in ("corr_time", "sigma_b")}
 
-    def second_process(self):
-        """Whether the log does not say if a bias or a random walk is beside the slowest bias."""
-        two, least = self.similar("N+2GM").aic, self.chosen.aic
-        if len(self.similar("N+2GM").terms["corr_time"]) < 2:
-            return False
-        if "rrw" in self.chosen.terms:
-            return two < least + FEW
-        richer = min(two, self.similar("N+GM+K").aic)
-        return self.chosen.plain == UNIFIED and richer < least - BETTER
+    def _of_bias(self, what, note, few):
+        chosen = self.chosen
+
+        def alike(fit):  # a second slow process counts if the log shows one
+            simple = len(fit.point) <= len(chosen.point)
+            return simple or fit.aic < chosen.aic or chosen.plain != UNIFIED
+
+        e = self.estimate(what, note, said("too_few"), alike)
+        if e.resolved and e.high is not None:
+            return replace(e, note=e.note + few)
+        why = e.note if e.low is None else e.note + said("too_few")
+        return Estimate.refused(e.unit, why, low=e.low, high=e.high)
 
     def _random_walk(self):
         """Bound a bias whose correlation time has no upper end."""
@@ -394,7 +316,7 @@ class Inference:
         noise, times = self.likelihood.terms(self.chosen), self.coarse.duration / ENDS
         found = [(self.coarse.instead_of_line(self.terms, x, noise), x) for x in times]
         fall, time = min(found)
-        return INSTEAD + said("instead_at", time=time, rise=-fall) if fall < FEW else ""
+        return INSTEAD + said("instead_at", time=time, rise=-fall) if fall < THRESHOLD else ""
 
 
 def infer(
@@ -448,7 +370,7 @@ def infer(
         chosen = choose(fits.values())
         misfit, beyond = disagreement(likelihood, chosen)
         # A bias as fast as a filter's is none where a model that is as good does without.
-        near = [f for f in fits.values() if f.end == chosen.end and f.aic <= chosen.aic + FEW]
+        near = [f for f in fits.values() if f.end == chosen.end and f.aic <= chosen.aic + THRESHOLD]
         fastest = max(min(f.terms.get("corr_time", ()), default=np.inf) for f in near)
         clean = not beyond and fastest >= FILTER * m * dt
         clean &= not (rate and low_passed(likelihood, chosen))
@@ -484,12 +406,12 @@ def infer(
     parameters = _parameters(result, kind, streams[0], result.terms)
     if rival:
         gain = result.criterion() - rival.criterion()
-        doubtful = gain <= rival.terms[-1].unsure + FEW
+        doubtful = gain <= rival.terms[-1].unsure + THRESHOLD
         settled = result.terms if doubtful else rival.terms
         others = _parameters(rival, kind, streams[1], settled)
         for name, own in parameters.items():
             parameters[name] = either(own, others.get(name), rival.terms[-1].kind)
-    white = result.level_fit.terms["sigma_v"][0]
+    white = result.chosen.terms["sigma_v"][0]
     disturbances += uneven(y, dt, m, white) + oscillation
     return _judged(result, parameters, disturbances)
 
@@ -501,8 +423,6 @@ def _parameters(result, kind, rng, settled):
         root, unit = np.sqrt(result.coarse.dt), unit_of(density, result.unit)
         parameters[density] = parameters["sigma_v"].scaled(root, unit)
         parameters["rrw"] = result.rate_random_walk()
-        if "flicker" in result.chosen.terms:
-            parameters["bias_instability"] = result.bias_instability()
     return parameters | result.bias() | {"drift": result.drift(rng, settled)}
 
 
@@ -624,6 +544,9 @@ def fit_all(likelihood, *, rate, near):
 
     def fit(model, *simpler):
         known = [near[model]] if model in near else []
+        walk = fits.get(model.replace(UNIFIED, "N+K"))
+        if walk and model.removesuffix(QUANTISED) == UNIFIED:
+            known.append(likelihood.as_bias(walk))
         fits[model] = likelihood.fit(model, [fits[name] for name in simpler], known)
 
     for model in MODELS:

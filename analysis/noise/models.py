@@ -367,8 +367,8 @@ def adev_model(
     variance = arw**2 / tau + rrw**2 * tau / 3 + 3 * (quantisation / tau) ** 2
     if np.isfinite(corr_time):
         variance = variance + adev_gauss_markov(tau, sigma_b, corr_time, dt) ** 2
-    if bias_instability:
-        variance = variance + adev_flicker(tau, bias_instability, cutoff) ** 2
+    flicker = FLICKER if np.isinf(cutoff) else adev_flicker(tau, 1.0, cutoff)
+    variance = variance + (bias_instability * flicker) ** 2
     return np.sqrt(variance + (drift * tau) ** 2 / 2)
 
 

@@ -139,11 +139,8 @@ class Plan:
         sigma, time = parameters["sigma_b"], parameters["corr_time"]
         if time.low and sigma.low:
             return cls(known["sigma_v"], sigma.low, time.low), True
-        # A floor read off the Allan curve is not flicker noise: only a fitted coefficient counts.
-        flicker = parameters.get("bias_instability")
-        fitted = flicker is not None and not flicker.note.startswith(said("floor"))
-        size = known.get("bias_instability") if fitted else None
-        return cls(known["sigma_v"], flicker=size, rrw=known.get("rrw")), False
+        # B is the floor of the Allan deviation, not the size of a flicker noise.
+        return cls(known["sigma_v"], rrw=known.get("rrw")), False
 
     def _hours(self, dt, wanted):
         def short_by(log_hours, name):

@@ -79,6 +79,7 @@ def _told(result, model, atlas, part):
         "reasons": verdict.reasons(result),
         "road": verdict.road(model),
         "temperature": {c.name: verdict.temperature_part(c) for c in result.channels},
+        "within": verdict.KNOWN,
         "hours": {name: pages.phrase(said) for name, (_, said) in plans.items()},
     }
 
@@ -119,7 +120,7 @@ def hours_to_record(channel, dt):
             known = (h[name] for h in (hours, *ends) if ends)
             spans = sorted(known, key=lambda h: (h is None, h))
         plans.append((name, needed, spans))
-    return hours, Said("record", {"plans": plans, "at_least": at_least, "within": verdict.KNOWN})
+    return hours, Said("record", {"plans": plans, "at_least": at_least})
 
 
 def _draw(result, folder, atlas):

@@ -218,13 +218,12 @@ function takeChannel(channel, source) {
   setKind();
   own = { name: channel.name, tau: channel.allan.tau_s.map(sound) };
   for (const key of ["deviation", "low", "high"]) own[key] = own.tau.map((_, i) => (sound(channel.allan[key]?.[i]) ? scale * channel.allan[key][i] : null));
-  // A floor read off the curve is no flicker noise, as `Plan.from_estimates` has it.
-  const floor = p.bias_instability && String(p.bias_instability.note || "").startsWith("floor");
+  // Flicker noise stands for a floor that neither a bias nor a walk makes.
   const bias = p.corr_time && sound(p.corr_time.value);
   q.N.set(value("arw") || value("vrw"));
   q.S.set(bias ? value("sigma_b") : 0);
   if (bias) q.T.set(p.corr_time.value);
-  q.B.set(bias || floor ? 0 : value("bias_instability"));
+  q.B.set(bias || value("rrw") ? 0 : value("bias_instability"));
   q.K.set(value("rrw"));
   q.D.set(p.drift && typeof p.drift.value === "number" ? Math.abs(scale * p.drift.value) : 0);
   if (sound(source.rate_hz)) q.rate.set(source.rate_hz);
