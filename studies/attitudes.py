@@ -123,10 +123,7 @@ def theirs(kind, gain, log):
 def ours(log, **options):
     """Down by a replay; NaN where it has none."""
     columns = replay(log, Options(**options)).columns
-    angles = np.column_stack([columns["roll_deg"], columns["pitch_deg"]])
-    found, known = np.full((len(angles), 3), np.nan), np.isfinite(angles[:, 0])
-    found[known] = down_of(angles[known])
-    return found
+    return down_of(np.column_stack([columns["roll_deg"], columns["pitch_deg"]]))
 
 
 def with_noise_at_rest(log):

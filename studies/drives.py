@@ -148,7 +148,7 @@ def bridged(
     table = pd.DataFrame(
         [{"t_s": t, "seconds": seconds} | errors for (t, seconds), errors in found.items()]
     )
-    return table.dropna().reset_index(drop=True)
+    return table.dropna(ignore_index=True)
 
 
 def _without_fixes(since, epoch, given, lengths, name, found):
@@ -158,13 +158,9 @@ def _without_fixes(since, epoch, given, lengths, name, found):
         device.imu(*sample)
     blank = epoch._replace(fix=None, pdop=np.nan, speed=np.nan, course=np.nan)
     nn, ne, ee = device.gnss(blank)["ellipse"]
-    for seconds in lengths:
-        if (
-            epoch.fix is None
-            or epoch.pdop > device.options.pdop_gate
-            or abs(epoch.t_s - start.t_s - seconds) >= 0.5
-        ):
-            continue
+    if epoch.fix is None or epoch.pdop > device.options.pdop_gate:
+        return
+    for seconds in (s for s in lengths if abs(epoch.t_s - start.t_s - s) < 0.5):
         true = np.array(device.frame.ned(epoch.fix)[:2])
         from_there = np.array(device.frame.ned(start.fix)[:2])
         ahead = start.speed * np.array([np.cos(start.course), np.sin(start.course)])

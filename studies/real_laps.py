@@ -51,18 +51,18 @@ def runs():
     }
     plain = terrain.track_real_laps(real, sensors, setup, **same)
     states = terrain.track_real_laps(real, SENSORS, slower, **same, map_errors=errors)
-    tracked = {at: {name: (of, at) for name, of in plain.items()} for at in sensors}
-    tracked |= {("four states", k): {n: (of, k) for n, of in states.items()} for k in SENSORS}
+    tracked = {at: (plain, at) for at in sensors}  # all laps, and its label there
+    tracked |= {("four states", k): (states, k) for k in SENSORS}
     alone = {n: np.sqrt((of.odometry**2).mean() + setup.begin_sd**2) for n, of in plain.items()}
     rows, filters, rng = [], [], np.random.default_rng(SEED)
-    for (kind, gyro), of_laps in tracked.items():
+    for (kind, gyro), (of_laps, k) in tracked.items():
         about = {"filter": kind, "gyro": gyro}
-        lost = np.array([of.lost(LOST_M)[k] for of, k in of_laps.values()], dtype=float)
-        rms = {n: of.rms()[k] for n, (of, k) in of_laps.items()}
-        moments = np.concatenate([np.abs(of.errors(k)).ravel() for of, k in of_laps.values()])
+        lost = np.array([of.lost(LOST_M)[k] for of in of_laps.values()], dtype=float)
+        rms = {n: of.rms()[k] for n, of in of_laps.items()}
+        moments = np.concatenate([np.abs(of.errors(k)).ravel() for of in of_laps.values()])
         rows += [
             about | {"lap": n, "rms_m": rms[n], "lost": share, "nees": of.nees()[k]}
-            for (n, (of, k)), share in zip(of_laps.items(), lost.mean(axis=1), strict=True)
+            for (n, of), share in zip(of_laps.items(), lost.mean(axis=1), strict=True)
         ]
         low, high = _interval(lost, rng)
         high = max(high, 1 - 0.025 ** (1 / DRAWS))  # what no loss in any draw would leave open

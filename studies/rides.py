@@ -109,7 +109,8 @@ def _racebox(path):
         "course from positions 0.24 s before and after; axes turned to z down",
         "the speed is in mph: the positions move 1.6 times as fast as km/h would say",
     )
-    return _at(gnss, _once_a_second(gnss.t_s)), log.imu, notes
+    rows = _once_a_second(gnss.t_s)
+    return Gnss(**{name: of[rows] for name, of in vars(gnss).items()}), log.imu, notes
 
 
 def _balzer(path):
@@ -209,11 +210,6 @@ RIDES = {
         _phone,
     ),
 }
-
-
-def _at(gnss, rows):
-    """Pick fixes."""
-    return Gnss(**{name: values[rows] for name, values in vars(gnss).items()})
 
 
 def _once_a_second(t):

@@ -17,7 +17,7 @@ from sensorlogs import datasets
 from sensorlogs.timeline import Gnss, Imu, Timeline
 from studies import rides
 
-FEET, KMH = 0.3048, 1 / 3.6
+FEET = 0.3048  # m
 ANTENNAS = {"front": "Front", "left-rear": "LeftRear", "right-rear": "RightRear"}
 RECEIVERS = {
     "etrex": "Garmin-Etrex-30x", "lezyne": "Lezyne", "phone": "MotoG3", "adafruit": "adafruit",
@@ -192,7 +192,7 @@ def light_aircraft():
         t = here["t"].to_numpy()
         table = {"t_s": t} | _enu(here["lat"], here["lon"], 0.0 * here["lat"], origin, 1)
         table["msl_m"] = (here["alt_ft"] * FEET).round(1)
-        table |= {"speed_m_s": (here["gs_kmh"] * KMH).round(1), "track_deg": here["track"]}
+        table |= {"speed_m_s": (here["gs_kmh"] * rides.KMH).round(1), "track_deg": here["track"]}
         table |= {"satellites": here["sats"]}
         table["pressure_m"] = np.interp(t, air["t"], air["palt_ft"] * FEET).round(1)
         for angle in ("roll", "pitch", "heading"):
@@ -200,8 +200,8 @@ def light_aircraft():
         tables[f"efis-{flight}"] = pd.DataFrame({k: np.asarray(v) for k, v in table.items()})
         table = {"t_s": echo["utc"]} | _enu(echo["lat"], echo["lon"], 0.0 * echo["lat"], origin, 1)
         tables[f"echo-{flight}"] = pd.DataFrame(table | {"nic": echo["nic"]})
-        for unit in ("efis", "echo"):  # the plane through the origin leaves the ground far away
-            del tables[f"{unit}-{flight}"]["up_m"]
+    # The plane through the origin leaves the ground far away.
+    tables = {name: table.drop(columns="up_m") for name, table in tables.items()}
     return _source("light aircraft with two units, two flights of 620 and 742 s", *files), tables
 
 

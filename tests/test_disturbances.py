@@ -327,7 +327,8 @@ def test_level_changes_by_the_rules_of_their_tests(times, found):
     loud = flat * np.where(np.arange(8) == 7, 2.0, 1.0)[:, None] * np.exp(wave)
     (d,) = rules.level_changes(made(level=loud), WHITE)
     assert d.widens is None and (d.start_s, d.end_s) == (5600.0, 6400.0)
-    assert "0.85 of its mean in the first of 8 parts, 1.71 in the last" in d.note
+    refused = adjusted(Estimate(7.0, 6.0, 8.0, "deg"), WHITE[0], [d])
+    assert refused.note.endswith("; it changed: 5.97 ° in the first part, 11.9 ° in the last")
 
 
 def test_estimates_are_adjusted_by_what_affects_them():

@@ -393,6 +393,8 @@ def test_small_rotations_have_the_documented_signs(axis, name, sign):
         wanted = sign * np.array([-1.0, 0.0, 1.0]) * column.startswith(name)
         # 1e-9: the mean quaternion comes from an eigenvector
         np.testing.assert_allclose(found[column], wanted, atol=1e-9)
+    two = {"latitude": [1, 2.0], "longitude": [3, 4.0], "lat": [5, 5.0], "lon": [6, 6.0]}
+    assert formats.about_the_mean(pd.DataFrame(two), every=True)["north_m"].std() > 1  # the first
 
 
 # --- the catalogue -------------------------------------------------------------------------------

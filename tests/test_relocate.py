@@ -125,6 +125,8 @@ def test_the_map_is_averaged_over_ten_metres():
     np.testing.assert_allclose(fine.attitude[1], 0.2 * (np.abs(np.arange(21) - 10) < 3), atol=1e-12)
     np.testing.assert_allclose(fine.attitude[0, :4], [0.6, 0.4, 0.2, 0.0], atol=1e-12)
     np.testing.assert_array_equal(coarse.attitude, spikes)
+    slope = averaged_map(AttitudeMap(5.0, 1.0, np.arange(30.0)))  # over ten points: no shift
+    np.testing.assert_allclose(slope.at(np.array([15.0, 20.5]))[0], [10.0, 15.5])
 
 
 @pytest.mark.parametrize("map_error", [(0.2, 40.0), None])

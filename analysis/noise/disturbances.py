@@ -69,6 +69,8 @@ class Disturbance:
         of each parameter affected; without them it is refused.
     bounds : (float or None, float or None)
         What is said of a parameter refused, as shares of its value.
+    ends : (float, float), optional
+        Its values in the first part of the log and in the last, in the same way.
     """
 
     kind: str
@@ -78,6 +80,7 @@ class Disturbance:
     affects: tuple[str, ...] = ()
     widens: tuple[float, float] | None = None
     bounds: tuple[float | None, float | None] = (None, None)
+    ends: tuple[float, float] | None = None
 
     def summary(self) -> dict:
         """Give what model.json says of it."""
@@ -110,6 +113,10 @@ def adjusted(estimate: Estimate, name: str, disturbances: Iterable[Disturbance])
     for d in found:
         if d.widens is None:
             low, high = (None if share is None else share * value for share in d.bounds)
+            if d.ends:
+                parts = (Estimate(share * value, None, None, estimate.unit) for share in d.ends)
+                first, last = (part.value_text for part in parts)
+                note = listed(note, said("changed", first=first, last=last))
             return Estimate.refused(estimate.unit, note, low=low, high=high)
     below, above = np.transpose([d.widens for d in found])
     down = np.linalg.norm([np.log(value / low), *below])
@@ -446,9 +453,9 @@ def level_changes(
     start, end = float(edges[off[0]]), float(edges[off[-1] + 1])
     refused = half > UNSTEADY
     code, widens = ("level_refuses", None) if refused else ("level_widens", (half, half))
-    ends = {"first": level[0], "last": level[-1]}
-    note = said(code, low=low, high=high, parts=len(level), percent=100 * half, **ends)
-    return [Disturbance("noise_level", start, end, note, affects, widens, (low, high))]
+    note = said(code, low=low, high=high, parts=len(level), percent=100 * half)
+    found = Disturbance("noise_level", start, end, note, affects, widens, (low, high))
+    return [replace(found, ends=(float(level[0]), float(level[-1])))]
 
 
 def uneven(y: np.ndarray, dt: float, m: int, white: float) -> list[Disturbance]:

@@ -16,7 +16,7 @@ zero. So the threshold is calibrated by parametric bootstrap.
 """
 
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.stats import norm
@@ -164,7 +164,7 @@ class Inference:
         fits = [fit for fit in self.fits.values() if alike is None or alike(fit)]
         return envelope(self.likelihood, fits, what)
 
-    @property
+    @cached_property
     def floor(self):
         """The floor of the chosen model's Allan deviation."""
         return Floor(self.likelihood, self.chosen)

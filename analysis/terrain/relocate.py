@@ -144,7 +144,9 @@ def averaged_map(attitude_map: AttitudeMap) -> AttitudeMap:
     """Average a map over `STRETCH` metres around each of its points."""
     points = max(round(STRETCH / attitude_map.step), 1)
     means = uniform_filter1d(attitude_map.attitude, points, mode="nearest")
-    return AttitudeMap(attitude_map.start, attitude_map.step, means)
+    # An even number of points lies around the middle between two of them.
+    start = attitude_map.start - (1 - points % 2) * attitude_map.step / 2
+    return AttitudeMap(start, attitude_map.step, means)
 
 
 def likelihood(averaged, samples, driven, sensor, setup, places):

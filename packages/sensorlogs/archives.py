@@ -141,9 +141,7 @@ def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
             name = stem if len(found) == 1 else f"{stem}/{part.name}"
             parts.append(replace(part, name=name))
     if not parts:
-        if errors:
-            raise errors[0]
-        raise WrongUsage(f"{path.name}: no log file in it: name one")
+        raise next(iter(errors), WrongUsage(f"{path.name}: no log file in it: name one"))
     return parts
 
 
@@ -163,12 +161,11 @@ def phone(parts: list[Part]) -> Iterator[Part]:
             yield replace(part, primary=primary)
             continue
         primary &= stem != "accelerometer" or "totalacceleration" not in stems
-        gravity = stems.get("gravity") if stem == "accelerometer" else None
         turned = ios and stem.startswith("accel")
         yield replace(
             part,
             columns=tuple(names.get(c, c) for c in part.columns),
-            load=functools.partial(_renamed, part, names, gravity, turned),
+            load=functools.partial(_renamed, part, names, stems.get("gravity"), turned),
             told_by=EXPORT,
             primary=primary,
         )

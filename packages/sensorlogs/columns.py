@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from sensorlogs import IN_DEG_S, IN_M_S2, STANDARD_GRAVITY, WrongUsage, grouped, times
-from sensorlogs.names import NAMES
+from sensorlogs.names import NAMES, spellings
 
 KIND_OF_UNIT = {unit: said["kind"] for unit, said in NAMES["units"].items()}
 IN_SI = {unit: float(np.radians(of)) for unit, of in IN_DEG_S.items()} | IN_M_S2
@@ -30,10 +30,7 @@ _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$
 FLAG = {"rate": "gyro", "accel": "accel", "angle": "angle", "position": "position"}
 _KINDS = {**{flag: kind for kind, flag in FLAG.items()}, "rate": "rate", "acceleration": "accel"}
 _GNSS = {"lat", "lon", "height", "separation", "speed", "course", "pdop", "hdop", "satellites"}
-_OWN_UNITS = {  # of a quantity -> spelling -> unit
-    what: {spelling: unit for unit, said in own.items() for spelling in said["spelled"].split()}
-    for what, own in NAMES["units_of"].items()
-}
+_OWN_UNITS = {what: spellings(own) for what, own in NAMES["units_of"].items()}  # of a quantity
 FREE = {"linear", "lin", "linacc", "user"}  # an acceleration from which gravity is taken off
 AXES = ("x", "y", "z")
 VERTICAL = ("z", "_down", "_up")
@@ -314,13 +311,13 @@ def gravity_unit(norm: float, within: float = 0.2) -> str | None:
 
 def vectors(names: Iterable[str]) -> dict[str, list[str]]:
     """Group columns that differ by their axis only: what they share -> names."""
-    groups: dict[str, list[str]] = {}
-    for name in names:
+
+    def shared(name):
         full = " ".join(words(split(name)[0]))
-        shared = re.sub(r" ?\b[xyz]\b", "", full)  # gyro_x, or else gyro[0]
-        shared = re.sub(r" [0-3]$", "", full) if shared == full else shared
-        groups.setdefault(shared, []).append(name)
-    return groups
+        without = re.sub(r" ?\b[xyz]\b", "", full)  # gyro_x, or else gyro[0]
+        return re.sub(r" [0-3]$", "", full) if without == full else without
+
+    return grouped((shared(name), name) for name in names)
 
 
 @dataclass(frozen=True)
@@ -582,8 +579,7 @@ def _gravity(frame, accels) -> str | None:
     mute = {c.column: abs(c.scale) for c in accels if not split(c.column)[1]}
     unnamed = [n for n in mute if not recognise(n).kind]
     threes = [*vectors(n for n in mute if n not in unnamed).values(), unnamed]
-    found = {gravity_unit(mute[of[0]] * _norm(frame, of)) for of in threes if len(of) == 3}
-    found.discard(None)
+    found = {gravity_unit(mute[of[0]] * _norm(frame, of)) for of in threes if len(of) == 3} - {None}
     return found.pop() if len(found) == 1 else None
 
 

@@ -156,11 +156,9 @@ def path(name: str) -> Path:
 
 def available(name: str) -> bool:
     """Tell whether the file is on this machine, with the right bytes."""
-    try:
-        path(name)
-    except CannotAnswer:
-        return False
-    return True
+    with contextlib.suppress(CannotAnswer):
+        return path(name).is_file()
+    return False
 
 
 def fetch(name: str) -> Path:

@@ -178,13 +178,13 @@ def _split(line: str, delimiter: str) -> list[str]:
 
 def _delimiter(lines: list[str]) -> str:
     """Choose the delimiter that splits most lines into the same number of fields, more than one."""
-    best, score = ",", (0.0, 0)
-    for rank, candidate in enumerate((";", "\t", ",", "|", " ")):
+    agreeing: dict[str, int] = {}
+    for candidate in (";", "\t", ",", "|", " "):
         widths = [len(_split(line, candidate)) for line in lines]
         usual = min(multimode(widths))
-        if usual > 1 and (widths.count(usual) / len(widths), -rank) > score:
-            best, score = candidate, (widths.count(usual) / len(widths), -rank)
-    return best
+        if usual > 1:
+            agreeing[candidate] = widths.count(usual)
+    return max(agreeing, key=lambda delimiter: agreeing[delimiter], default=",")  # first of equals
 
 
 def _decimal(rows) -> str:
@@ -281,16 +281,19 @@ class Table:
         """Name of the file, for messages."""
         return self.path.name
 
-    def place(self, row: int, column: str | None = None) -> str:
-        """Name file, line (or row, where there are no lines) and column of a cell of ``frame``."""
+    def where(self, row: int) -> str:
+        """Name the line of a row of ``frame``, or its number where there are no lines."""
         row = int(row if self.rows is None else self.rows[row])
-        where = f"row {row + 1}"
         if self.lines is not None:
-            where = f"line {self.lines[row]}"
-        elif self.layout is not None:
-            numbers = (number for number, _ in data_lines(self.path, self.layout))
-            where = f"line {next(itertools.islice(numbers, row, None))}"
-        return f"{self.file}, {where}" + (f", column '{column}'" if column else "")
+            return f"line {self.lines[row]}"
+        if self.layout is not None:
+            lines = itertools.islice(data_lines(self.path, self.layout), row, None)
+            return f"line {next(lines)[0]}"
+        return f"row {row + 1}"
+
+    def place(self, row: int, column: str | None = None) -> str:
+        """Name file, line and column of a cell of ``frame``."""
+        return f"{self.file}, {self.where(row)}" + (f", column '{column}'" if column else "")
 
 
 def progress(path: Path, what: str = "reading") -> dict[str, Any]:
@@ -342,8 +345,7 @@ def read_table(path: Path) -> Table:
         frame = frame.iloc[: len(frame) - is_cut]
     table = Table(frame, path, layout=layout)
     if is_cut:
-        line = next(itertools.islice(data_lines(path, layout), len(frame), None))[0]
-        table = replace(table, repairs=(f"line {line}: {CUT_OFF}",))
+        table = replace(table, repairs=(f"{table.where(len(frame))}: {CUT_OFF}",))
     return _without_empty_end(_without_short_rows(table, layout), layout)
 
 

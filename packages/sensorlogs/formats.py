@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from sensorlogs import CannotAnswer, WrongUsage, archives, columns, counted, delimited, nmea, times
 from sensorlogs.delimited import Table
-from sensorlogs.integrity import reading
+from sensorlogs.integrity import DATAFLASH, HDF5, MAT5, PARQUET, ULOG, reading
 from sensorlogs.names import NAMES
 from sensorlogs.tables import Part, choose, not_read, of_arrays, of_table, of_text, side_by_side
 
@@ -149,11 +149,9 @@ class Format:
 
 
 FORMATS: dict[str, Format] = {  # the first that tells
-    "parquet": Format("Parquet", rb"\APAR1", "matrices.parquet", "pyarrow"),
-    "mat5": Format("MATLAB v5 to v7", rb"\AMATLAB 5\.0", "matrices.mat5"),
-    "mat73": Format(
-        "MATLAB v7.3 or HDF5", rb"(?s)\A(.{512}|.{1024})?\x89HDF\r\n\x1a\n", "matrices.hdf5"
-    ),
+    "parquet": Format("Parquet", PARQUET, "matrices.parquet", "pyarrow"),
+    "mat5": Format("MATLAB v5 to v7", MAT5, "matrices.mat5"),
+    "mat73": Format("MATLAB v7.3 or HDF5", HDF5, "matrices.hdf5"),
     "numpy": Format("NumPy", rb"\A\x93NUMPY|\APK (\S+\.npy\n)+\Z", "matrices.numpy_file"),
     "spreadsheet": Format(
         "a spreadsheet (xlsx, xls, ods)",
@@ -165,12 +163,9 @@ FORMATS: dict[str, Format] = {  # the first that tells
     "bag": Format(
         "a ROS bag", rb"\A(#ROSBAG V|\x89MCAP|SQLite format 3)", "robot_logs.ros_bag", "rosbags"
     ),
-    "ulog": Format("a PX4 ULog", rb"\AULog\x01\x12\x35", "robot_logs.ulog", "pyulog"),
+    "ulog": Format("a PX4 ULog", ULOG, "robot_logs.ulog", "pyulog"),
     "dataflash": Format(
-        "an ArduPilot DataFlash log",
-        rb"\xa3\x95\x80\x80\x59FMT\x00",
-        "robot_logs.dataflash",
-        "pymavlink",
+        "an ArduPilot DataFlash log", DATAFLASH, "robot_logs.dataflash", "pymavlink"
     ),
     "nmea": Format("NMEA", nmea.SENTENCE, "nmea.parts"),
     "ubx": Format("u-blox UBX", rb"\xb5\x62[\x01-\x29]", "robot_logs.ubx", "pyubx2"),
@@ -309,7 +304,7 @@ def about_the_mean(frame: pd.DataFrame, every: bool = False) -> pd.DataFrame:
     """
     added: dict[str, np.ndarray] = {}
     numbers = frame.select_dtypes("number")
-    names = numbers[::-1] if every else numbers.columns.intersection(_MEASURED)
+    names = list(numbers)[::-1] if every else numbers.columns.intersection(_MEASURED)
     named = {columns.recognise(name).quantity: numbers[name] for name in names}
     if {"lat", "lon"} <= named.keys():
         none = named["fix"] <= 0 if "fix" in named else np.zeros(len(frame), dtype=bool)

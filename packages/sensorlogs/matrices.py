@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 import scipy.io
 
-from sensorlogs import CannotAnswer
+from sensorlogs import CannotAnswer, grouped
 from sensorlogs.archives import check_zip
 from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, check_size, content
@@ -78,7 +78,6 @@ def mat5(path: Path) -> list[Part]:
 def hdf5(path: Path) -> list[Part]:
     """List the tables of an HDF5 or MATLAB v7.3 file; only the table chosen is read."""
     groups: dict[str, dict[str, Any]] = {}
-    units: dict[str, dict[str, str]] = {}
 
     def visit(name: str, node: Any):
         group, _, leaf = name.rpartition("/")
@@ -90,13 +89,10 @@ def hdf5(path: Path) -> list[Part]:
                     groups.setdefault(name, {})[key] = node.fields(key)[()]
         elif node.dtype.kind in "fiub" and node.attrs.get("MATLAB_class", b"") != b"char":
             groups.setdefault(group, {})[leaf] = node  # read when its table is
-            unit = node.attrs.get("units", node.attrs.get("unit", ""))
-            unit = unit.decode() if isinstance(unit, bytes) else str(unit)
-            units.setdefault(group, {})[leaf] = unit
 
     with reading(path, HDF5, "h5py"):
         h5py.File(path).visititems(visit)
-    return _grouped(path, groups, units)
+        return _grouped(path, groups)
 
 
 def numpy_file(path: Path) -> list[Part]:
@@ -157,9 +153,10 @@ def json_lines(path: Path) -> list[Part]:
         frame = pd.json_normalize([item for _, item in found])
         frame.index = pd.Index([number for number, _ in found])
         first = frame.iloc[0] if found else {}
-        arrays = {n: np.array(c, float) for n, c in first.items() if _is_long(c)}
-        if arrays:
-            return _grouped(path, {"": arrays})
+        # A long list in one object is a column, a short one the axes of a reading.
+        long = {n: c for n, c in first.items() if isinstance(c, list) and len(c) > LONG}
+        if long:
+            return _grouped(path, {"": {name: np.array(c, float) for name, c in long.items()}})
         sensors = pd.Series("lines", frame.index)
         if "sensor" in frame and (named := frame["sensor"].map(type).eq(str)).any():
             sensors = frame.pop("sensor").where(named, "lines")
@@ -174,11 +171,6 @@ def json_lines(path: Path) -> list[Part]:
     if not parts:
         raise CannotAnswer(f"{path.name}: no data: JSON without any number")
     return parts
-
-
-def _is_long(cell: Any) -> bool:
-    """Tell a column in a cell from the axes of a reading."""
-    return isinstance(cell, list) and len(cell) > LONG
 
 
 def _numbers(frame: pd.DataFrame) -> Iterator[tuple[str, pd.Series]]:
@@ -234,29 +226,25 @@ def _axes(count: int) -> Sequence[str]:
     return AXES if count == 3 else [str(j) for j in range(1, count + 1)]
 
 
-def _grouped(
-    path: Path,
-    groups: dict[str, dict[str, Any]],
-    units: dict[str, dict[str, str]] | None = None,
-    why: str = "",
-) -> list[Part]:
+def _grouped(path: Path, groups: dict[str, dict[str, Any]], why: str = "") -> list[Part]:
     """Make one table of the arrays of equal length in each group; scalars are no columns."""
     parts = []
     for group, arrays in groups.items():
-        lengths: dict[int, dict[str, Any]] = {}
-        for name, value in arrays.items():
-            if len(value.shape) in (1, 2) and max(value.shape, default=0) > 1:
-                lengths.setdefault(max(value.shape), {})[name] = value
+        lengths = grouped(
+            (max(value.shape), (name, value))
+            for name, value in arrays.items()
+            if len(value.shape) in (1, 2) and max(value.shape) > 1
+        )
         for rows, mine in lengths.items():
-            first = next(iter(mine))
+            first = mine[0][0]
             label = group if group and len(lengths) == 1 else f"{group}/{first}".strip("/")
-            parts.append(_matrix_part(path, label, mine, rows, (units or {}).get(group, {})))
+            parts.append(_matrix_part(path, label, dict(mine), rows))
     if parts:
         return parts
     raise CannotAnswer(f"{path.name}: no matrix of numbers in it; {why}save plain vectors, or CSV")
 
 
-def _matrix_part(path, label, arrays, rows, units) -> Part:
+def _matrix_part(path, label, arrays, rows) -> Part:
     """Name the columns of one table; the longer side of a matrix is taken as the samples."""
     names: list[str] = []
     for name, value in arrays.items():
@@ -264,17 +252,24 @@ def _matrix_part(path, label, arrays, rows, units) -> Part:
         axes = _axes(width) if width > 1 else [""]
         alone = len(arrays) == 1 and width > 3
         own = [f"c{a}" if alone else with_axis(name, a) if a else name for a in axes]
-        names += [f"{n} ({units[name]})" if units.get(name) else n for n in own]
+        unit = _unit(value)
+        names += [f"{n} ({unit})" if unit else n for n in own]
 
     def load() -> Table:
         check_size(path, rows, len(names))
         with reading(path, "a file of matrices"):
             wide = [_samples(np.asarray(value, dtype=float)) for value in arrays.values()]
-        columns = (np.ascontiguousarray(column) for matrix in wide for column in matrix.T)
-        found = dict(zip(names, columns, strict=True))
-        return Table(pd.DataFrame(found, copy=False), path)
+        columns = (column for matrix in wide for column in matrix.T)
+        return of_arrays(path, label, dict(zip(names, columns, strict=True))).load()
 
     return Part(label, tuple(names), load, rows)
+
+
+def _unit(array: Any) -> str:
+    """Return the unit that HDF5 states of a dataset; other arrays have none."""
+    stated = getattr(array, "attrs", {})
+    unit = stated.get("units", stated.get("unit", ""))
+    return unit.decode() if isinstance(unit, bytes) else str(unit)
 
 
 def _samples(matrix: np.ndarray) -> np.ndarray:

@@ -9,7 +9,6 @@ import contextlib
 import datetime
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -94,10 +93,9 @@ def read_moving(
     wanted = columns or {}
     given = {"unit": unit, "scale": scale, "time_unit": time_unit}
     tables_of = {path: formats.parts_of(path) for _, _, path in map(find, logs)}
-    there = [name for parts in tables_of.values() for part in parts for name in part.columns]
-    if all(len(parts) == 1 for parts in tables_of.values()):
-        alone = [part for parts in tables_of.values() for part in parts]
-        tables = [named(alone, name, next(iter(tables_of)).name).name for name in tables]
+    every = [part for parts in tables_of.values() for part in parts]
+    if len(every) == len(tables_of):  # a table in each
+        tables = [named(every, name, next(iter(tables_of)).name).name for name in tables]
     for path, parts in tables_of.items():
         sources[path.name] = sha256(path)
         parts, before = [_assigned(part, wanted, used) for part in parts], {*found.parts}
@@ -118,6 +116,7 @@ def read_moving(
             found.start = rows.start or found.start
     for ours, theirs in wanted.items():
         if ours not in used:
+            there = [name for part in every for name in part.columns]
             near = closest(theirs.removeprefix("-"), there)
             raise WrongUsage(
                 f"--columns {ours}={theirs}: no log has a column '{theirs}'{near}; there are: "
@@ -301,9 +300,11 @@ class _Rows:
 
     def rising(self, rows, notes, late_allowed=0.0) -> np.ndarray:
         """Keep the rows later than all before."""
-        place = partial(self.table.place, column=self.time)
-        t = self.t[rows]
-        return rows[times.rising(t, lambda k: place(rows[k]), notes, late_allowed)]
+
+        def place(k):
+            return self.table.place(rows[k], self.time)
+
+        return rows[times.rising(self.t[rows], place, notes, late_allowed)]
 
     def parts(self) -> dict[str, Any]:
         """Make what the columns suffice for."""

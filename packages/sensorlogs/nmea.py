@@ -41,13 +41,14 @@ _STAMPED_BREAK = re.compile(
 Sentence = tuple[int, NMEAMessage]
 _POSITION = ("lat_deg", "lon_deg")
 _FIELDS = NAMES["nmea"]
+_BEGIN = TALKER + rb"(?:" + "|".join(_FIELDS).encode() + rb"),"
 COLUMNS: tuple[str, ...] = ("t_s", *_POSITION, "height_m", "separation_m", "speed_m_s")
 COLUMNS += ("course_deg", "fix", "hdop", "pdop", "fix_mode", "quality", "satellites")
 _NO_FIX = {0, 6}  # none, and estimated (the receiver's own dead reckoning)
 
 
-def sentences(content: bytes, kinds: tuple[str, ...]) -> tuple[list[Sentence], int, int]:
-    """Find and parse the sentences of some kinds, such as ``("GGA", "GSA")``.
+def sentences(content: bytes) -> tuple[list[Sentence], int, int]:
+    """Find and parse the sentences of the kinds in `_FIELDS`.
 
     Returns
     -------
@@ -58,9 +59,8 @@ def sentences(content: bytes, kinds: tuple[str, ...]) -> tuple[list[Sentence], i
     int
         Number of sentences on two lines.
     """
-    begin = TALKER + rb"(?:" + "|".join(kinds).encode() + rb"),"
     messages, joined = [], 0
-    for match in re.finditer(begin + rb"[^$*]{0,160}\*[0-9A-Fa-f]{2}", content):
+    for match in re.finditer(_BEGIN + rb"[^$*]{0,160}\*[0-9A-Fa-f]{2}", content):
         raw = match.group(0)
         message = _parse(raw)
         if message is None and _BREAK.search(raw):
@@ -68,7 +68,7 @@ def sentences(content: bytes, kinds: tuple[str, ...]) -> tuple[list[Sentence], i
             joined += message is not None
         if message is not None:
             messages.append((match.start(), message))
-    return messages, len(re.findall(begin, content)) - len(messages), joined
+    return messages, len(re.findall(_BEGIN, content)) - len(messages), joined
 
 
 def _parse(raw: bytes) -> NMEAMessage | None:
@@ -77,14 +77,6 @@ def _parse(raw: bytes) -> NMEAMessage | None:
         return NMEAReader.parse(raw + b"\r\n")
     except _BAD:
         return None
-
-
-def _time(message) -> float | None:
-    """Return the time of day of a message in s, or None."""
-    at = getattr(message, "time", None)
-    if not at:
-        return None
-    return at.hour * 3600 + at.minute * 60 + at.second + at.microsecond / 1e6
 
 
 def epochs(messages: list[Sentence]) -> pd.DataFrame:
@@ -108,7 +100,8 @@ def epochs(messages: list[Sentence]) -> pd.DataFrame:
     rows: list[dict] = []
     epoch, last, kinds = 0, None, set[str]()
     for offset, message in messages:
-        kind, time = message.msgID, _time(message)
+        kind, at = message.msgID, getattr(message, "time", None)
+        time = at.hour * 3600 + at.minute * 60 + at.second + at.microsecond / 1e6 if at else None
         timed = kind in ("GGA", "RMC", "GNS", "GLL")
         fresh = timed and time is not None and time != last
         if timed and time is None:  # a receiver that does not know the time yet
@@ -158,10 +151,9 @@ def read_table(path: Path) -> Table:
         If there is no epoch.
     """
     raw = content(path)
-    messages, wrong, joined = sentences(raw, tuple(_FIELDS))
+    messages, wrong, joined = sentences(raw)
     if not messages:
-        kinds = "|".join(_FIELDS).encode()
-        bare = len(re.findall(TALKER + rb"(?:" + kinds + rb")," + _BODY + _END, raw))
+        bare = len(re.findall(_BEGIN + _BODY + _END, raw))
         raise CannotAnswer(
             f"{path.name}: no right checksum in {wrong:,} NMEA sentences, from line 1 on: {bare:,} "
             f"have no checksum, {wrong - bare:,} a wrong one; log GGA or RMC as they are sent"
@@ -175,10 +167,7 @@ def read_table(path: Path) -> Table:
         notes.append(f"{path.name}: {counted(joined, 'sentence')} broken over two lines, joined")
     newlines = np.flatnonzero(np.frombuffer(raw, dtype=np.uint8) == ord("\n"))
     lines = np.searchsorted(newlines, found["offset"]) + 1
-
-    def place(k):
-        return f"{path.name}, line {lines[k]}"
-
+    place = Table(found, path, lines=lines).place
     t, which = _host_time(raw, found, notes, path.name)
     if t is None:
         t, again = _receiver_time(found, place, notes)
@@ -220,7 +209,7 @@ def _host_time(raw: bytes, found, notes, name) -> tuple[np.ndarray | None, str]:
         stamps = times.stamps(f"host time stamp{unit}", column)
     except BadStamps:
         return None, ""
-    t = stamps.since_s + stamps.zero_s
+    t = stamps.on_clock
     missing = np.flatnonzero(~np.isfinite(t))
     if len(missing):  # before the first stamp: count back a second an epoch
         first = int(np.argmax(np.isfinite(t)))

@@ -163,14 +163,11 @@ def ulog(path: Path) -> list[Part]:
         known = _ULOG.get(data.name, {})
         if "timestamp" not in fields_:  # each message has one: its definition is damaged
             continue
-        time = fields_.pop("timestamp")
-        time = fields_.pop("timestamp_sample", time)
-        columns = {"t_us": time}
+        columns = {"t_us": fields_.pop("timestamp_sample", fields_.pop("timestamp"))}
         for field, values in fields_.items():
-            name, factor = known.get(field, (field, None))
-            if _ULOG_SIDE.search(field) or name in columns:
-                continue
-            columns[name] = values if factor is None else values * factor
+            name, factor = known.get(field, (field, 1.0))
+            if not _ULOG_SIDE.search(field) and name not in columns:
+                columns[name] = values * factor
         if "temperature" in columns:
             columns["temperature (degC)"] = columns.pop("temperature")
         if "hdop" in columns and "vdop" in columns:
@@ -293,8 +290,7 @@ def ubx(path: Path) -> list[Part]:
                 frame = frame.drop(columns="t_s" if frame["t_s"].isna().any() else "t_ms")
             else:  # gyros and accelerometers may come in messages of their own
                 frame = frame.groupby(frame.columns[0], sort=False).first().reset_index()
-            columns = {key: frame[key].to_numpy() for key in frame}
-            parts.append(of_arrays(path, name, columns, notes, told_by=DEFINED))
+            parts.append(of_arrays(path, name, frame, notes, told_by=DEFINED))
     if re.search(nmea.SENTENCE, raw):
         parts += [replace(part, primary=not rows["NAV-PVT"]) for part in nmea.parts(path)]
     if not parts:

@@ -172,8 +172,8 @@ def read(
     """
     name, stanza, path = find(log)
     check_unit(name, stanza, unit)
-    given = {"rate_hz": rate, "time": time, "time_unit": time_unit, "from": start, "to": stop}
-    given |= {"unit": unit, "kind": kind, "scale": scale, "table": table}
+    given: dict = {"rate_hz": rate, "time": time, "time_unit": time_unit, "from": start, "to": stop}
+    given |= {"unit": unit, "kind": kind, "scale": scale, "table": table, "columns": columns}
     option = stanza | {key: value for key, value in given.items() if value is not None}
     rows = formats.read_table(path, option)
     if len(rows.frame) < stanza.get("rows", 0):
@@ -184,10 +184,10 @@ def read(
     try:
         rows, time_column, grid, start_s, notes = _placed(rows, option)
     except WrongUsage as error:
-        raise _with_units(error, rows, stanza, columns, option) from error
+        raise _with_units(error, rows, option) from error
     rows = replace(rows, frame=formats.about_the_mean(rows.frame, "channels" in option))
     with np.errstate(over="ignore", invalid="ignore"):  # garbage is refused below, with its place
-        chosen, left, temperature = _choices(rows, time_column, stanza, columns, option)
+        chosen, left, temperature = _choices(rows, time_column, option)
     said: list[str] = []
     lost: list[tuple] = []
     zeros = _zeros(rows.frame, chosen)
@@ -280,13 +280,13 @@ def _placed(table, option):
     return table, time, grid, np.nanmin(at), notes
 
 
-def _with_units(error, rows, stanza, wanted, option) -> WrongUsage:
+def _with_units(error, rows, option) -> WrongUsage:
     """Ask for the units together with the time, so that one command puts all of it right."""
     time, flags = times.time_column(rows.frame), error.flags
     if time is None and not option.keys() & {"rate_hz", "time"}:
         flags = ({"--rate": "HZ"},)
     try:
-        _choices(rows, time, stanza, wanted, option)
+        _choices(rows, time, option)
     except (CannotAnswer, WrongUsage) as more:
         if flags and more.flags:
             both = (before | after for before in flags for after in more.flags)
@@ -294,7 +294,7 @@ def _with_units(error, rows, stanza, wanted, option) -> WrongUsage:
     return WrongUsage(str(error), *flags)
 
 
-def _choices(table, time, stanza, wanted, option):
+def _choices(table, time, option):
     """Choose the channels, the catalogue's or those of the file; and find the temperature.
 
     Returns
@@ -304,13 +304,13 @@ def _choices(table, time, stanza, wanted, option):
         What was left out.
     ndarray or None
     """
-    file, frame = table.file, table.frame
+    file, frame, wanted = table.file, table.frame, option.get("columns")
     given = {key: option.get(key) for key in ("unit", "kind", "scale")}
     numeric = [name for name in frame.select_dtypes("number") if name != time]
     warm, temperature = columns.temperature(frame, numeric) or ("", None)
-    if "channels" in stanza:
+    if "channels" in option:
         known, few = {}, columns.sample(frame, numeric)
-        for channel in stanza["channels"]:
+        for channel in option["channels"]:
             own = given | {key: channel[key] for key in given if key in channel}
             ((named,), _) = columns.choose(few, file, [channel["column"]], **own)
             name = columns.tidy(channel.get("name", named.name))
@@ -391,8 +391,7 @@ def _missing(table: Table, lost: Sequence[tuple]) -> Iterator[str]:
     """Say what is missing, in one sentence for each reason, whatever the number of columns."""
     for reason, each in grouped((why, rest) for why, *rest in lost).items():
         places = (
-            f"{count:,} of {len(table.frame):,} in {column}, first in "
-            f"{table.place(row).removeprefix(f'{table.file}, ')}"
+            f"{count:,} of {len(table.frame):,} in {column}, first in {table.where(row)}"
             for count, row, column in each
         )
         yield f"{table.file}: values are missing{reason}: {'; '.join(places)}"

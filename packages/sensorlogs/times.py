@@ -16,15 +16,11 @@ import pandas as pd
 
 from sensorlogs import CannotAnswer, WrongUsage, counted
 from sensorlogs.delimited import CLOCK, Table, printable
-from sensorlogs.names import NAMES
+from sensorlogs.names import NAMES, spellings
 
 SCALES = {unit: said["seconds"] for unit, said in NAMES["units_of_time"].items()}
 _SHORT = ("d", "h", "min")  # alone, such a name is none of a time
-_UNITS = {
-    spelling: unit
-    for unit, said in NAMES["units_of_time"].items()
-    for spelling in said["spelled"].split()
-}
+_UNITS = spellings(NAMES["units_of_time"])
 _NAMES = re.compile(
     r"^(t|time|timestamps?|time_?stamps?|stamp|elapsed|elapsed_?time|epoch|unix|unix_?time|utc|"
     r"date_?time|gps_?time|(gps[ _]?)?i?tow|uptime|sample_?time|time[ _-].*|timestamp[ _-].*|"
@@ -198,14 +194,11 @@ def stamp_errors_at(table: Table, column: str) -> Iterator[None]:
 def _from_text(name: str, column: np.ndarray) -> Stamps:
     """Read ISO dates, or clock times that may run over midnight."""
     texts = pd.Series(column, dtype="str")
-    start = 0.0
+    stripped, start = texts.str.strip(), 0.0
     if texts.dropna().str.match(r"^\s*\d{1,2}:\d{2}").all():
-        padded = (
-            texts.str.strip()
-            .str.replace(",", ".")
-            .str.replace(r"^(\d+:\d+)$", r"\1:00", regex=True)
-        )
-        t = pd.to_timedelta(padded, errors="coerce").dt.total_seconds().to_numpy()
+        padded = stripped.str.replace(",", ".").str.replace(r"^(\d+:\d+)$", r"\1:00", regex=True)
+        seconds = pd.to_timedelta(padded, errors="coerce").dt.total_seconds()
+        t = unwrap_clock(seconds.to_numpy())
         clock, read_as = DAY, "clock time"
     else:
         with warnings.catch_warnings():  # pandas warns when it cannot guess one common format
@@ -220,14 +213,12 @@ def _from_text(name: str, column: np.ndarray) -> Stamps:
         t = (dates - first).dt.total_seconds().to_numpy(dtype=float, copy=True)
         start = first.timestamp() if first == first else 0.0
         clock, read_as = UNIX, "date and time"
-    unread = np.isnan(t) & texts.notna().to_numpy() & (texts.str.strip() != "").to_numpy()
+    unread = np.isnan(t) & texts.notna().to_numpy() & (stripped != "").to_numpy()
     if unread.any() or not np.isfinite(t).any():
         row = int(np.argmax(unread))
         raise BadStamps(
             row, f"'{printable(str(column[row]))}' is not a time; correct or delete that line"
         )
-    if clock == DAY:
-        t = unwrap_clock(t)
     zero = float(t[np.isfinite(t)][0])
     return Stamps(t - zero, start + zero, clock, (f"time column '{name}' read as {read_as}",))
 
@@ -544,13 +535,12 @@ def _coarse(t, rows, repairs) -> tuple[float, np.ndarray]:
 def _interpolated(t, rows, step, repairs) -> Grid:
     """Interpolate by stamp, at the mean rate."""
     rate = (len(t) - 1) / float(t[-1] - t[0])
-    size = int(np.floor((t[-1] - t[0]) * rate * (1 + 1e-12))) + 1
     repairs.append(
         f"samples interpolated linearly between their stamps (median step "
         f"{_said(np.median(step))}, longest {_said(step.max())}) onto a grid of {rate:.6g} Hz: "
         f"this smooths the noise, so nothing below {_said(2 * step.max())} should be trusted"
     )
-    return Grid(rate, size, rows, np.arange(len(rows)), t, tuple(repairs))
+    return Grid(rate, len(t), rows, np.arange(len(t)), t, tuple(repairs))
 
 
 def _uneven(t, step, repairs) -> tuple[float, np.ndarray]:

@@ -93,8 +93,8 @@ def shown(events):
 
 def _counts(events):
     """Count events by kind, and add up what was lost."""
-    sizes = grouped((e["kind"], e["size"]) for e in events)
-    sizes = {kind: own for kind, own in sizes.items() if not kind.startswith("largest")}
+    lost = (e for e in events if not e["kind"].startswith("largest"))
+    sizes = grouped((e["kind"], e["size"]) for e in lost)
     kinds = [(kind, len(own), sum(own)) for kind, own in sizes.items()]
     return Said("counts", {"kinds": kinds})
 
@@ -112,8 +112,8 @@ def _picture(a, b):
 def _told(found, units):
     """Gather the content of compare.json, plain numbers and words, and what is told besides.
 
-    With two units ``clock``, ``position``, ``attitude`` are as DESIGN.md has them; with
-    more they are lists: ``clock`` of each unit against the first, the others of each pair.
+    With two units ``clock``, ``position``, ``attitude`` are one entry each; with more they are
+    lists: ``clock`` of each unit against the first, the others of each pair.
     """
     zero, start = plots.zero_time(found), _zero_utc(found)
     names = [track.name for track in found.tracks]
@@ -158,7 +158,6 @@ def _told(found, units):
         "notes": list(found.notes),
     }
     events, first = content["events"], found.pairs[0]
-    found_in = dict.fromkeys(e["unit"] for e in events)
     about = {"a": first.a, "b": first.b, "metrics": first.metrics, "units": len(names)}
     return {
         "content": content,
@@ -169,7 +168,7 @@ def _told(found, units):
         "headline": [Said("apart", about), _counts(events)],
         "notes": [*found.notes, *(n for unit in content["units"] for n in unit["notes"])],
         "events": [e | {"when": _from_to(e, start)} for e in shown(events)],
-        "counts": {u: _counts([e for e in events if e["unit"] == u]) for u in found_in},
+        "counts": {u: _counts(own) for u, own in grouped((e["unit"], e) for e in events).items()},
         "rows": rows,
         "picture_of": _picture,
     }

@@ -30,6 +30,7 @@ OF_A_PART = (
     *("b", "b_low", "b_high", "low_usd", "high_usd", "price_year", "price_source"),
 )
 OF_A_CELL = ["title", "hours", "times", "above", "resolved", "logs"]  # of the study of coverage
+ON_A_PLANE = ("error", "low", "high", "lost")  # what a page gets of it
 FREEDOM = np.geomspace(1.0, 1000.0, 61)  # degrees of freedom whose chi-square ends are listed
 
 
@@ -58,18 +59,13 @@ def _surface():
     """Gather what the page of the tracking error needs."""
     source, tables = store.read("error-surface")
     times = sorted(tables["surface"]["corr_time_s"].unique().tolist())
-    planes = {
-        key: {f"{t:g}": plane_of(key, t) for t in ([200.0] if key == FOUR_STATES else times)}
-        for key in TRACKERS
-    }
-    one = planes["integrated"]["200"]
+    one, planes = plane_of("integrated", 200.0), {}
+    for key in TRACKERS:
+        of = {f"{t:g}": plane_of(key, t) for t in ([200.0] if key == FOUR_STATES else times)}
+        shown = {t: {k: getattr(p, k) for k in ON_A_PLANE} for t, p in of.items()}
+        planes[key] = pages.rounded(shown)
     data = {"corr_times": times, "arw": one.arw.tolist(), "sigma_b": one.sigma_b.tolist()}
-    data |= {"runs": source["runs"], "planes": {}, "parts": _parts()}
-    for key, of in planes.items():
-        data["planes"][key] = {
-            t: pages.rounded({k: getattr(p, k) for k in ("error", "low", "high", "lost")})
-            for t, p in of.items()
-        }
+    data |= {"runs": source["runs"], "planes": planes, "parts": _parts()}
     told = {"data": data, "trackers": TRACKERS, "setup": source["setup"], "lost": f"{LOST_M:g}"}
     return told | {"on_real_map": _on_real_map()}
 

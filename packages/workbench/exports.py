@@ -220,7 +220,8 @@ def _in_every_convention(triad, dt):
     gyro, sensors = triad.sensor == "gyroscope", {}
     per, unit = (np.degrees(1.0), "°/s") if gyro else (1.0, "m/s²")
     for axis in triad.axes.values():
-        sigma, time = axis["gauss_markov"][0] if axis["gauss_markov"] else (np.nan, np.nan)
+        bias = axis["sigma_b"], axis["corr_time"]
+        sigma, time = bias if axis["gauss_markov"] else (np.nan, np.nan)
         white = per * (np.nan if axis["N"] is None else axis["N"])
         sensors[axis["channel"]] = conventions.side_by_side(white, per * sigma, time, dt, unit)
     return conventions.table(sensors, dt, unit)
@@ -296,17 +297,16 @@ def _axis(channel, source, strict):
     -------
     dict
         ``N``, ``K``: white noise, U sqrt(s), and rate random walk, U/sqrt(s), or None;
-        ``N_bound``, ``walk_bound``: their upper bounds; ``gauss_markov``: (sigma_b, corr_time) of
-        each term that is resolved in both, the strongest first; ``walk``: random walk of the bias
-        for times much shorter than its correlation times::
+        ``N_bound``, ``walk_bound``: their upper bounds; ``sigma_b``, ``corr_time``: of the bias, or
+        of the random walk K as the same process with a correlation time of 30 years;
+        ``gauss_markov``: sigma_b, but None for that walk; ``walk``: random walk of the bias for
+        times much shorter than its correlation time::
 
-            K_total^2 = K^2 + sum of 2 sigma_b^2 / T_c
+            K_total^2 = K^2 + 2 sigma_b^2 / T_c
 
-        ``strongest``: sigma_b of the strongest term; ``sigma_b``, ``corr_time``: for a tool with
-        one term the strongest, without one the random walk K as the same process with a correlation
-        time of 30 years; ``stands_in``: which of N and slow (sigma_b and corr_time) the log does
-        not resolve, and `stand_in` gives; ``estimates``: every parameter by its symbol; ``terms``:
-        what was fitted beside the noise, in the log's own unit, with its amplitude and times.
+        ``stands_in``: which of N and slow (sigma_b and corr_time) the log does not resolve, and
+        `stand_in` gives; ``estimates``: every parameter by its symbol; ``terms``: what was fitted
+        beside the noise, in the log's own unit, with its amplitude and times.
     """
     unit, parameters = channel["unit"], channel["parameters"]
     white = "arw" if channel["kind"] == "rate" else "vrw"
@@ -327,34 +327,28 @@ def _axis(channel, source, strict):
 
     N = estimate(white, random_walk_unit(unit), random_walk_unit(si), factor)
     K = estimate("rrw", f"{unit}/sqrt(s)", f"{si}/sqrt(s)", factor)
-    estimates, resolved = [("N", N), ("K", K)], []
-    for which in [k.removeprefix("sigma_b") for k in parameters if k.startswith("sigma_b")]:
-        sigma_b = estimate(f"sigma_b{which}", unit, si, factor)
-        corr_time = estimate(f"corr_time{which}", "s", "s", 1.0)
-        estimates += [("sigma_b", sigma_b), ("T_c", corr_time)]
-        if sigma_b.resolved and corr_time.resolved:
-            resolved.append((sigma_b.value, corr_time.value))
-    resolved.sort(reverse=True)
-    lacks = {"N": N.value is None, "slow": not (resolved or K.value)}
+    slow = {"sigma_b": estimate("sigma_b", unit, si, factor)}
+    slow["T_c"] = estimate("corr_time", "s", "s", 1.0)
+    bias = tuple(e.value for e in slow.values()) if all(e.resolved for e in slow.values()) else None
+    lacks = {"N": N.value is None, "slow": not (bias or K.value)}
     as_seen = None if strict or not any(lacks.values()) else stand_in(channel, source, N.value)
     if as_seen and lacks["slow"]:
-        resolved = [as_seen[1:]]
-    walks = [conventions.diffusion(*term) for term in resolved] + [K.value or 0.0]
+        bias = as_seen[1:]
+    walks = (conventions.diffusion(*bias) if bias else 0.0), K.value or 0.0
     one = (conventions.stationary(K.value, FOREVER), FOREVER) if K.value else (None, None)
-    sigma_b, corr_time = resolved[0] if resolved else one
+    sigma_b, corr_time = bias or one
     return {
         "channel": channel["name"],
         "N": as_seen[0] if as_seen and lacks["N"] else N.value,
         "N_bound": None if strict else N.high,
         "K": K.value,
-        "gauss_markov": resolved,
+        "gauss_markov": bias and sigma_b,
         "walk": float(np.linalg.norm(walks)) or None,
         "walk_bound": None if strict else K.high,
-        "strongest": sigma_b if resolved else None,
         "sigma_b": sigma_b,
         "corr_time": corr_time,
         "stands_in": [name for name, missing in lacks.items() if as_seen and missing],
-        "estimates": estimates,
+        "estimates": [("N", N), ("K", K), *slow.items()],
         "terms": [
             (term["kind"], {k: Estimate(**e) for k, e in term["parameters"].items()})
             for term in channel.get("fit", {}).get("terms", ())

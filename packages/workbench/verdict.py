@@ -73,10 +73,8 @@ def long_enough(result, needed):
     for c in result.channels:
         hurt = {name for d in c.fit["disturbances"] for name in d["affects"]}
         for key in LEADING.get(c.kind, SLOW):
-            e = c.parameters.get(key)
-            if e is None:
-                continue
-            state, half = "disturbed" if key in hurt else "short", 0.0
+            e, half = c.parameters[key], 0.0
+            state = "disturbed" if key in hurt else "short"
             if e.resolved:
                 half = (e.high - e.low) / 2 / abs(e.value) if e.low and e.high else 0.0
                 state = "wide" if half > KNOWN else "known"
@@ -242,22 +240,18 @@ def within_datasheet(result, sheet, why, certain=True):
                 said.append(Said("not_stated", about))
                 continue
             stated = float(row[column].iloc[0]) / IN_ATLAS[channels[0].unit]
-            found = [(c.name, *_judge(c.parameters.get(key), stated)) for c in channels]
+            found = [(c.name, *_judge(c.parameters[key], stated)) for c in channels]
             outcomes += [outcome for _, outcome, _ in found]
             about["stated"] = Estimate(stated, None, None, channels[0].parameters[key].unit)
             said.append(Said("stated", about | {"groups": _in_groups(found)}))
     if not certain:
         return Answer(Said("within"), "open", [[why], said])
-    answer = "open"
-    if outcomes:
-        answer = "no" if "above" in outcomes else "yes" if set(outcomes) == {"within"} else "open"
+    answer = "no" if "above" in outcomes else "yes" if set(outcomes) == {"within"} else "open"
     return Answer(Said("within", {"part": sheet["name"].iloc[0]}), answer, [said, [why]])
 
 
 def _judge(estimate, stated):
     """Hold an interval against a stated value: within, above or open; and value over stated."""
-    if estimate is None:
-        return "open", None
     if estimate.high is not None and estimate.high <= stated:
         return "within", None
     if estimate.low is not None and estimate.low > stated:
@@ -311,9 +305,7 @@ def mean_reading(channel):
     -------
     Estimate
     """
-    mean, chosen = channel.line[0], next((m for m in channel.models if m["chosen"]), None)
-    if chosen is None:
-        return Estimate(mean, None, None, channel.unit)
+    mean, chosen = channel.line[0], next(m for m in channel.models if m["chosen"])
     t = channel.whole[0]
     duration = np.array([t[-1] + t[0]])
     dt = float(channel.short[0][1] - channel.short[0][0])
@@ -336,16 +328,15 @@ def summary(result):
     -------
     list of dict
         ``kind``, ``columns`` (parameter, None for the mean, and unit) and ``rows``: name and cells,
-        each None or value (None where it is not resolved) and interval.
+        each value (None where it is not resolved) and interval.
     """
     groups = []
     for kind in KINDS:
         channels = [c for c in result.channels if c.kind == kind]
         if not channels:
             continue
-        keys = [k for k in PARAMETERS if any(k in c.parameters for c in channels)]
-        keys = [k for k in keys if kind not in LEADING or k in IN_SUMMARY]
-        columns = {PARAMETERS[k]["column"]: [c.parameters.get(k) for c in channels] for k in keys}
+        keys = [k for k in channels[0].parameters if kind not in LEADING or k in IN_SUMMARY]
+        columns = {PARAMETERS[k]["column"]: [c.parameters[k] for c in channels] for k in keys}
         columns["mean of the log"] = [mean_reading(c) for c in channels]
         written = [in_one_unit(estimates) for estimates in columns.values()]
         heads = zip(columns, (f"({unit})" if unit else "" for unit, _ in written), strict=True)
@@ -397,7 +388,7 @@ def temperature_part(channel):
     degrees = channel.temperature
     if degrees is None or not np.isfinite(degrees).sum() > 1:
         return None
-    terms = [term for term in channel.fit.get("terms", []) if term["kind"] == "temperature"]
+    terms = [term for term in channel.fit["terms"] if term["kind"] == "temperature"]
     found = Estimate(**terms[0]["parameters"]["amplitude"]) if terms else None
     about = {"low": np.nanmin(degrees), "high": np.nanmax(degrees), "coefficient": found}
     return Said("temperature", about)
