@@ -99,7 +99,8 @@ def test_measured_parts_come_first_with_the_price_of_their_part():
     assert own[["name", "price"]].tolist() == sheet[["name", "price"]].tolist()
     for _, of in store.read("inverse-design").tables["parts"].groupby(["tracker", "start", "map"]):
         assert of["part"].tolist() == [*table.index]
-        assert of["arw_deg_sqrt_s"].to_numpy() == pytest.approx(table["arw"].to_numpy(), rel=1e-3)
+        numbers = of[["arw_deg_sqrt_s", "sigma_b_deg_s"]].to_numpy()
+        assert numbers == pytest.approx(table[["arw", "bias"]].to_numpy(), rel=1e-3)
 
 
 def test_own_sensor_from_its_model():

@@ -79,15 +79,17 @@ class Laps:
         A bootstrap of theirs draws laps and draws, for a draw is alike in every lap.
         """
         at = [np.linspace(0, len(of.t) - 1, moments).round().astype(int) for of in tracked]
+        return cls.joined(tracked, at, places=len(tracked))
+
+    @classmethod
+    def joined(cls, laps: Sequence[Laps], at: Sequence, places: int = 1) -> Laps:
+        """Put the runs of laps behind one another, each at some of its times."""
         error, variance = (
-            np.concatenate(
-                [getattr(of, k)[..., i] for of, i in zip(tracked, at, strict=True)], axis=1
-            )
+            np.concatenate([getattr(of, k)[..., i] for of, i in zip(laps, at, strict=True)], axis=1)
             for k in ("error", "variance")
         )
-        first = tracked[0]
-        times = first.t[at[0]], first.distance[at[0]]
-        return cls(first.labels, *times, error, variance, places=len(tracked))
+        times = laps[0].t[at[0]], laps[0].distance[at[0]]
+        return cls(laps[0].labels, *times, error, variance, places=places)
 
     def errors(self, label: Hashable) -> np.ndarray:
         """Errors of one sensor, m, shape (runs, times)."""
@@ -245,11 +247,7 @@ def simulate_laps(
             seen = seen.reshape(*shape, -1) + map_errors(setup, shape, streams[of])
         given = attitude_map, at, seen, first, moved, paths, sensors, setup, store_every
         found.append(follow(*given, compiled=compiled))
-    joined = (
-        np.concatenate([getattr(laps, name) for laps in found], axis=1)
-        for name in ("error", "variance")
-    )
-    return Laps(found[0].labels, found[0].t, found[0].distance, *joined)
+    return Laps.joined(found, [slice(None)] * len(found))
 
 
 def odometry(setup, streams):
@@ -502,7 +500,7 @@ class ErrorPlane:
         Not exceeded in 95 % of all moments of all laps.
     lost : ndarray, shape (m, n), 1
         Share of laps in which it exceeds `LOST_M`.
-    low, high : ndarray, shape (m, n), m, optional
+    low, high : ndarray, shape (m, n), m
         95 % interval of the error, from the number of laps.
     """
 
@@ -511,8 +509,8 @@ class ErrorPlane:
     sigma_b: np.ndarray
     error: np.ndarray
     lost: np.ndarray
-    low: np.ndarray | None = None
-    high: np.ndarray | None = None
+    low: np.ndarray
+    high: np.ndarray
 
     def finer(self, times: int = 8) -> ErrorPlane:
         """Lay the plane out on a grid that is so many times finer, for smooth contours."""
@@ -525,10 +523,7 @@ class ErrorPlane:
             return table
 
         sigma_b, arw = (np.exp(a) for a in at)
-        error, low, high = (
-            None if of is None else np.exp(between(np.log(of)))
-            for of in (self.error, self.low, self.high)
-        )
+        error, low, high = (np.exp(between(np.log(of))) for of in (self.error, self.low, self.high))
         return ErrorPlane(self.words, arw, sigma_b, error, between(self.lost), low, high)
 
     def allowed(self, coefficient: str, wanted: float) -> Estimate:
@@ -545,8 +540,8 @@ class ErrorPlane:
             With the interval over the laps. Infinite beyond the grid; 0 where none keeps it.
         """
         x = self.arw if coefficient == "N" else self.sigma_b
-        found = [self.error if e is None else e for e in (self.error, self.high, self.low)]
-        of = (e[0] if coefficient == "N" else e[:, 0] for e in found)
+        planes = (self.error, self.high, self.low)
+        of = (e[0] if coefficient == "N" else e[:, 0] for e in planes)
         value, low, high = (_largest(x, reach, wanted) for reach in of)
         return Estimate(value, low, high)
 
@@ -562,24 +557,21 @@ class ErrorPlane:
     def estimate(self, sensor: Sensor) -> Estimate:
         """Error of a gyro with the interval that the number of simulated laps leaves, m.
 
-        Below the grid that of the edge, as `of`; without interval if the plane has none.
+        Below the grid that of the edge, as `of`.
 
         Raises
         ------
         CannotAnswer
             Beyond the grid.
         """
-        value = self._reach(sensor, self.error)
+        value, low, high = (self._reach(sensor, of) for of in (self.error, self.low, self.high))
         if value is None:
             raise CannotAnswer(BEYOND)
-        low, high = (
-            None if of is None else self._reach(sensor, of) for of in (self.low, self.high)
-        )
         return Estimate(value, low, high, "m")
 
     def _reach(self, sensor, table):
-        """Read a table of errors, or the errors where there is none; None beyond the grid."""
-        found = self._at(sensor, np.log(self.error if table is None else table))
+        """Read a table of errors; None beyond the grid."""
+        found = self._at(sensor, np.log(table))
         return None if found is None else float(np.exp(found[0]))
 
     def _at(self, sensor, *tables):

@@ -194,10 +194,8 @@ class Roads(NamedTuple):
             ``value`` of the claim's number, the 95 % interval ``low`` to ``high`` of the
             resamples, and the share of them ``inside`` the claim's range.
         """
-        setup, options = chosen.setup(), {"compiled": compiled}
-        options["store_every"] = setup.seconds / MOMENTS
-        sensors = chosen.sensors(self.table_3)
-        road = self._road(chosen)
+        road, setup, sensors = self._road(chosen), chosen.setup(), chosen.sensors(self.table_3)
+        options = {"store_every": setup.seconds / MOMENTS, "compiled": compiled}
         driven = simulate_laps(road, sensors, setup, runs=laps, seed=seed, **options)
         return self._judged(driven, chosen, seed, resamples)
 

@@ -10,7 +10,7 @@ A synthetic road is an ISO 8608 surface under two wheel paths, with hills below 
 paths at distance b on an isotropic surface share, at wave number n, the part (Kamash and Robson,
 1978)::
 
-    gamma(n) = 2 (pi n b)^(w/2) K_(w/2)(2 pi n b) / Gamma(w/2)
+    gamma(n) = 2 (pi n b)^(w/2) K_(w/2)(2 pi n b) / Gamma(w/2) = 2 pi n b K_1(2 pi n b)
 
 and their difference makes the roll. The vehicle is a rigid rod on the surface: no suspension.
 """
@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
-from scipy.special import gamma, kv
+from scipy.special import kv
 
 REFERENCE = 0.1  # cycles/m, n0 of ISO 8608
 CLASS_A = 16e-6  # m^3, geometric mean of class A at n0; each class is four times the one before
@@ -38,12 +38,9 @@ class IsoRoad:
     ----------
     g0 : float
         Displacement density at 0.1 cycles/m, m^3.
-    waviness : float
-        Exponent of the spectrum.
     """
 
     g0: float
-    waviness: float = 2.0
 
     @classmethod
     def of_class(cls, name: str) -> IsoRoad:
@@ -52,7 +49,7 @@ class IsoRoad:
 
     def density(self, n: ArrayLike) -> np.ndarray:
         """Displacement density, m^3, at wave numbers `n`, cycles/m."""
-        return self.g0 * (np.asarray(n) / REFERENCE) ** -self.waviness
+        return self.g0 * (np.asarray(n) / REFERENCE) ** -2.0  # w = 2
 
     def shared(self, n: ArrayLike, distance: float) -> np.ndarray:
         """Part of the spectrum that two parallel paths share.
@@ -69,8 +66,8 @@ class IsoRoad:
         ndarray
             1 for waves much longer than `distance`, 0 for much shorter ones.
         """
-        x, order = np.pi * np.asarray(n, dtype=float) * distance, self.waviness / 2
-        return 2.0 * x**order * kv(order, 2.0 * x) / gamma(order)
+        x = np.pi * np.asarray(n, dtype=float) * distance
+        return 2.0 * x * kv(1.0, 2.0 * x)
 
     def simulate(
         self,

@@ -181,9 +181,9 @@ def draw_prices(ranges: ArrayLike, draws: int, rng: np.random.Generator) -> np.n
     CannotAnswer
         If the ranges hardly allow this order.
     """
-    logarithms, kept = _logarithms(ranges), []
+    kept = []
     for _ in range(ATTEMPTS):
-        prices = _draw(logarithms, draws, rng)
+        prices = _draw(ranges, draws, rng)
         kept.append(prices[(np.diff(prices, axis=1) > 0).all(axis=1)])
         if sum(map(len, kept)) >= draws:
             return np.concatenate(kept)[:draws]
@@ -210,15 +210,12 @@ def cheapest(
         Share of the draws for each product, and last that in which none is good enough.
     """
     good = np.asarray(reach) <= wanted
-    prices = np.where(good, _draw(_logarithms(ranges), len(good), rng), np.inf)
+    prices = np.where(good, _draw(ranges, len(good), rng), np.inf)
     best = np.where(good.any(axis=1), prices.argmin(axis=1), good.shape[1])
     return np.bincount(best, minlength=good.shape[1] + 1) / len(good)
 
 
-def _logarithms(ranges):
-    """Take the logarithms of price ranges, shape (2, products)."""
-    return np.log(np.asarray(ranges, dtype=float).T)
-
-
-def _draw(logarithms, draws, rng):
-    return np.exp(rng.uniform(*logarithms, size=(draws, logarithms.shape[1])))
+def _draw(ranges, draws, rng):
+    """Draw prices from their ranges, log-uniformly and in any order, shape (draws, n)."""
+    low, high = np.log(np.asarray(ranges, dtype=float).T)
+    return np.exp(rng.uniform(low, high, (draws, len(low))))

@@ -10,32 +10,29 @@ from numpy.typing import ArrayLike
 from analysis import Estimate, resampling, wrap
 from analysis.tracker.at_rest import LowPass
 from analysis.tracker.device import BLOCKS, Options
-from analysis.tracker.last_position import Frame, LastPosition, Stored
+from analysis.tracker.last_position import Frame, Stored
 from analysis.tracker.log_replay import Track, replay
 from analysis.tracker.scenarios import Scenario, scenario
 from sensorlogs.timeline import Gnss, Timeline
 
 
-def gated(
-    gnss: Gnss, stored: Stored | None = None, gate: float = LastPosition.pdop_gate, **criteria: Any
-) -> Track:
+def gated(gnss: Gnss, stored: Stored | None = None, **criteria: Any) -> Track:
     """Replay a log with block 1 alone.
 
     Parameters
     ----------
     gnss : Gnss
     stored : Stored, optional
-    gate : float
-        Largest PDOP accepted.
     **criteria
-        ``three_d``, ``satellites``, ``settle_s``, ``doubt_s`` of `Options`; by default all on.
+        ``pdop_gate``, ``three_d``, ``satellites``, ``settle_s``, ``doubt_s`` of `Options`; by
+        default all on.
 
     Returns
     -------
     Track
     """
     off: dict[str, Any] = dict.fromkeys(BLOCKS[1:], False) | criteria
-    return replay(Timeline(gnss, None), Options(pdop_gate=gate, **off), stored)
+    return replay(Timeline(gnss, None), Options(**off), stored)
 
 
 def outage_errors(

@@ -131,11 +131,9 @@ def replay(
     table[turned_by] = np.degrees(table[turned_by].astype(float))
     units = {k: f"{k}_deg" for k in turned_by} | {"ax": "ax_m_s2", "ay": "ay_m_s2"}
     summary = _summary(timeline, options, columns, devices, len(straights))
-    summary["filter"] = {"used": device.bridges, "motion": moves.kind, "smoothed": smooth}
-    summary["lever_m"] = [*lever]
-    summary["filter"] |= {
-        "sideways": [moves.sideways.value, moves.sideways.low, moves.sideways.high]
-    }
+    sideways = [moves.sideways.value, moves.sideways.low, moves.sideways.high]
+    how = {"used": device.bridges, "motion": moves.kind, "smoothed": smooth, "sideways": sideways}
+    summary |= {"filter": how, "lever_m": [*lever]}
     return Track(columns, summary, device.last.snapshot, remarks, table.rename(columns=units))
 
 
@@ -245,7 +243,7 @@ def _columns(gnss, rows):
         return np.array([row[name] for row in rows], dtype=dtype)
 
     blank = np.full(len(rows), np.nan)
-    nn, ne, ee = taken("ellipse", float).reshape(-1, 3).T
+    nn, ne, ee = taken("ellipse", float).T
     north, east = np.sqrt(nn), np.sqrt(ee)
     columns = {"t_s": taken("t_s", float)}
     columns |= {k: getattr(gnss, k, blank) for k in ("lat_deg", "lon_deg", "pdop")}
@@ -254,7 +252,7 @@ def _columns(gnss, rows):
     angles = ("roll", "pitch", "yaw")
     columns |= {f"{k}_deg": np.degrees(taken(k, float)) for k in (*angles, "mount")}
     columns |= {"sigma_north_m": north, "sigma_east_m": east, "correlation": ne / (north * east)}
-    sigmas = np.degrees(taken("sigmas", float).reshape(-1, 3)).T
+    sigmas = np.degrees(taken("sigmas", float)).T
     return columns | {f"sigma_{k}_deg": s for k, s in zip(angles, sigmas, strict=True)}
 
 
@@ -385,16 +383,16 @@ def _remarks(timeline, options, columns, devices, unexplained, lag, moves):
             yield "no_pdop", {"wait": PDOP_WAIT_S}
         if not np.isfinite(gnss.speed_m_s).any():
             yield "no_speed", {}
-    bridged = options.bridge_s if devices[-1].fusion else devices[-1].coast_s
+    device = devices[-1]
+    bridged = device.last.bridged_s
     if held := _held(columns, bridged):
         yield "held", {"epochs": held, "bridged": bridged}
     from_s, stood_s = _stood(columns, gnss.speed_m_s)
     if imu is not None and stood_s > LOST_S:
         yield "stood", {"stood": stood_s, "since": from_s}
-    for device in devices:
-        if moved := device.last.moved_while_off:
+    for each in devices:
+        if moved := each.last.moved_while_off:
             yield "moved", {"moved": moved}
-    device = devices[-1]
     distance = math.hypot(*device.ned[:2]) if device.ned else 0.0
     if distance > FRAME_M:
         yield "far", {"distance": distance / 1000}

@@ -279,81 +279,77 @@ def scenario(
         gnss = GnssErrors(settling_m=size, settle_time=seconds)
     assumed = ASSUMED[name]
     makers: dict[str, Any] = {"A": _courtyard, "B": _laps, "C": _walk, "D": _town}
-    return makers[name](rng, gnss or assumed[0], imu or assumed[1], **settings)
+    path, imu_rate, pdop, held = makers[name](rng, **settings)
+    return _measure(path, imu_rate, pdop, gnss or assumed[0], imu or assumed[1], rng, **held)
 
 
-def _courtyard(rng, gnss, imu, *, minutes=90.0, imu_rate=4.0):
+# Each makes the path at the rate of the IMU, that rate, the PDOP of all epochs or of each, and how
+# the sensor is held: what `_measure` takes.
+def _courtyard(rng, *, minutes=90.0, imu_rate=4.0):
     n = round(60 * minutes * imu_rate) + 1
     path = np.zeros(n), np.full(n, np.radians(30.0))
     epochs = np.arange(0, n, round(imu_rate))
     pdop = 2.5 * np.exp(gauss_markov(len(epochs), 1.0, 0.2, 300.0, rng))
-    return _measure(path, imu_rate, pdop, gnss, imu, rng, tilt=(4.0, -2.0))
+    return path, imu_rate, pdop, {"tilt": (4.0, -2.0)}
 
 
-def _laps(rng, gnss, imu, *, laps=6, imu_rate=40.0, mount_deg=90.0, slope=0.0, slope_m=100.0):
+def _laps(rng, *, laps=6, imu_rate=40.0, mount_deg=90.0, slope=0.0, slope_m=100.0):
     path = _path_of_laps(laps, imu_rate)
-    pdop = np.full(len(path[0][:: round(imu_rate)]), ASSUMED["B"][2])
     ground = _ground(path[0] / imu_rate, slope, slope_m, rng)
-    mounted = {"tilt": (2.0, -3.0), "mount_deg": mount_deg}
-    return _measure(path, imu_rate, pdop, gnss, imu, rng, lean=True, ground=ground, **mounted)
+    held = {"tilt": (2.0, -3.0), "mount_deg": mount_deg, "lean": True, "ground": ground}
+    return path, imu_rate, ASSUMED["B"][2], held
 
 
 @cache  # the same for every ride, and slower to make than its errors
 def _path_of_laps(laps, imu_rate):
     radius = 36.5 + 9.76
     lap = [(84.39, 0.0), (np.pi * radius, -np.pi), (84.39, 0.0), (np.pi * radius, -np.pi)]
-    length = laps * sum(part[0] for part in lap)
-    mean = 17.6 * KMH
+    begun, mean = {"course": np.pi, "laps": laps}, 17.6 * KMH
     for _ in range(3):  # the targets are scaled until the whole ride has its mean speed
-        v, _ = _ride(lap, length, 1.25 * mean, 0.9 * mean, 10.0, wait=0.0, course=np.pi)
+        v, _ = _ride(lap, 1.25 * mean, 0.9 * mean, 10.0, wait=0.0, **begun)
         mean *= 17.6 * KMH / v[v > 0].mean()
-    return _ride(lap, length, 1.25 * mean, 0.9 * mean, imu_rate, wait=20.0, course=np.pi)
+    return _ride(lap, 1.25 * mean, 0.9 * mean, imu_rate, wait=20.0, **begun)
 
 
-def _walk(rng, gnss, imu, *, imu_rate=4.0, wait=120.0, first_fix=40.0):
+def _walk(rng, *, imu_rate=4.0, wait=120.0, first_fix=40.0):
     turn = (3.0 * np.pi / 2, np.pi / 2)
     lap = [(114.0, 0.0), turn, (64.0, 0.0), turn, (114.0, 0.0), turn, (64.0, 0.0), turn]
-    length = sum(part[0] for part in lap)
-    path = _ride(lap, length, 1.3, 1.1, imu_rate, wait=wait, course=np.radians(70.0))
+    path = _ride(lap, 1.3, 1.1, imu_rate, wait=wait, course=np.radians(70.0))
     t = np.arange(0, len(path[0]), round(imu_rate)) / imu_rate
     pdop = np.where(t < first_fix, 99.99, ASSUMED["C"][2] + 47.5 * np.exp(-(t - first_fix) / 15.0))
-    mounted = {"tilt": (-50.0, 20.0), "mount_deg": 140.0}
-    return _measure(path, imu_rate, pdop, gnss, imu, rng, swing_deg=6.0, **mounted)
+    return path, imu_rate, pdop, {"tilt": (-50.0, 20.0), "mount_deg": 140.0, "swing_deg": 6.0}
 
 
-def _town(rng, gnss, imu, *, imu_rate=40.0, stops=6, mount_deg=15.0):
+def _town(rng, *, imu_rate=40.0, stops=6, mount_deg=15.0):
     legs, course = [], np.radians(20.0)
     for _ in range(stops + 1):
         first, second = rng.uniform(60.0, 200.0, 2)
         bend = 14.0 * np.pi / 2, rng.choice([-1.0, 1.0]) * np.pi / 2
         lap, wait = [(first, 0.0), bend, (second, 0.0)], rng.uniform(5.0, 30.0)
-        length = first + bend[0] + second
-        speeds = rng.uniform(9.0, 14.0), 5.0
-        leg = _ride(lap, length, *speeds, imu_rate, wait=wait, course=course, accel=1.5)
-        legs.append(leg)
-        course = leg[1][-1]
+        fast = rng.uniform(9.0, 14.0)
+        legs.append(_ride(lap, fast, 5.0, imu_rate, wait=wait, course=course, accel=1.5))
+        course = legs[-1][1][-1]
     path = np.hstack(legs)
-    pdop = np.full(len(path[0][:: round(imu_rate)]), ASSUMED["D"][2])
     ground = _ground(path[0] / imu_rate, np.radians(1.5), 50.0, rng)
     # The body on its springs: pitch'' + 2 zeta w pitch' + w^2 pitch = w^2 k a
     w, zeta, k = 2 * np.pi * 1.3, 0.2, np.radians(0.6)
     t = np.arange(len(path[0])) / imu_rate
-    body = lti([w * w * k], [1.0, 2 * zeta * w, w * w])
-    rock = lsim(body, np.gradient(path[0], 1 / imu_rate), t)[1]
-    mounted = {"tilt": (2.0, -6.0), "mount_deg": mount_deg, "rock": rock}
-    return _measure(path, imu_rate, pdop, gnss, imu, rng, ground=ground, **mounted)
+    springs = lti([w * w * k], [1.0, 2 * zeta * w, w * w])
+    rock = lsim(springs, np.gradient(path[0], 1 / imu_rate), t)[1]
+    held = {"tilt": (2.0, -6.0), "mount_deg": mount_deg, "rock": rock, "ground": ground}
+    return path, imu_rate, ASSUMED["D"][2], held
 
 
-def _ride(lap, length, straight, bend, rate, *, wait, course, accel=0.6):
-    """Ride a closed path of straights and bends from rest to rest: speed and course at `rate`.
+def _ride(lap, straight, bend, rate, *, wait, course, laps=1, accel=0.6):
+    """Ride laps of straights and bends from rest to rest: speed and course at `rate`.
 
     Speed follows its target with at most ``accel`` m/s^2; bends begin and end over 5 m.
     """
-    ends = np.cumsum([part[0] for part in lap])
-    starts = ends - [part[0] for part in lap]
-    curvature = np.array([angle / part for part, angle in lap])
+    parts, angles = np.transpose(lap)
+    ends, curvature = np.cumsum(parts), angles / parts
+    starts, length = ends - parts, laps * ends[-1]
     speed = np.where(curvature == 0, straight, bend)
-    ease = min(5.0, 0.4 * min(part for part, _ in lap))
+    ease = min(5.0, 0.4 * parts.min())
     at = np.ravel(np.column_stack([starts + ease / 2, ends - ease / 2]))
     bends, speeds = np.repeat(curvature, 2), np.repeat(speed, 2)
     s, v, k, dt = 0.0, 0.0, course, 1 / rate
@@ -421,6 +417,7 @@ def _measure(
 
     at = np.arange(0, n, every)
     m = len(at)
+    pdop = np.full(m, pdop)
     error = gnss.white_m * rng.standard_normal((2, m))
     for sigma, corr_time in gnss.drift:
         error += gauss_markov(m, 1.0, sigma, corr_time, rng, runs=2)

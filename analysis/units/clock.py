@@ -9,7 +9,6 @@ are only attitudes. Then least squares on the position difference along the velo
 with a lever arm l (body axes) and a shift of datum c, which would otherwise be read as time.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,7 +102,7 @@ def clock_offset(a: Track, b: Track) -> Clock:
                 f"{track.name} does not move (its scatter is {_size(x):.2g} "
                 f"{'m' if by_position else 'deg/s'}), so its clock cannot be found by motion"
             )
-    lags = list(_best_lags(signals[0], signals[1], least))
+    lags = _best_lags(signals[0], signals[1], least)
     thin = [t.every(THIN_S) for t in (a, b)]
     if by_position:
         lags.append(0.0)  # as the stamps have it, even for less than the common time asked for
@@ -114,7 +113,7 @@ def clock_offset(a: Track, b: Track) -> Clock:
             f"travel together, or one of them hardly moves{_stamps(a, b)}"
         )
     if not by_position:
-        return _by_attitude(a, b, lags[0])
+        return _by_attitude(a, b, lags[0], use)
     # A short stretch of road fits in many places: of fits about as good, that of most common time.
     least = min(fit.scatter for fit in fits)
     best = max((f for f in fits if f.scatter <= ALIKE * least), key=lambda fit: fit.common_s)
@@ -173,8 +172,8 @@ class _Fit:
     common_s: float
 
 
-def _best_lags(one, other, least) -> Iterator[float]:
-    """Yield the lags (time by a minus time by b) at which the tracks fit best, best first.
+def _best_lags(one, other, least) -> list[float]:
+    """Give the lags (time by a minus time by b) at which the tracks fit best, best first.
 
     The variance about the mean of x_a(t) - x_b(t - lag) for all lags at once, from four
     correlations; only lags at which enough of the motion is common.
@@ -210,8 +209,8 @@ def _best_lags(one, other, least) -> Iterator[float]:
     alike = np.clip(1 - variance / np.maximum(motion[0] + motion[1], 1e-12), 0.0, 1 - 1e-12)
     gain = np.where(enough, -n * np.log(1 - alike**2), 0.0)
     highest = (gain >= np.roll(gain, 1)) & (gain >= np.roll(gain, -1)) & (gain > 0)
-    for k in np.flatnonzero(highest)[np.argsort(-gain[highest], kind="stable")][:8]:
-        yield one[0][0] - other[0][0] + step * float(shifts[k])
+    best = np.flatnonzero(highest)[np.argsort(-gain[highest], kind="stable")][:8]
+    return [one[0][0] - other[0][0] + step * float(shifts[k]) for k in best]
 
 
 def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
@@ -230,11 +229,8 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
         speed = np.hypot(*v.T)
         # At a standstill the direction is unknown: the lever arm counts from walking pace up.
         heading = v / np.maximum(speed, 1e-9)[:, None] * (speed > 1.0)[:, None]
-        along, cross = heading, heading[:, ::-1] * [1, -1]
-        middle = float(t.mean())
-        columns = [v, v * (t - middle)[:, None], along, cross]
-        columns += [np.broadcast_to(e, v.shape) for e in np.eye(2)]
-        x = np.stack(columns, axis=-1)  # (n, 2, 6)
+        axes, middle = lever_and_shift(heading), float(t.mean())
+        x = np.stack([v, v * (t - middle)[:, None], *np.moveaxis(axes, -1, 0)], axis=-1)
         prior = np.array([np.inf, DRIFT, LEVER_M, LEVER_M, DATUM_M, DATUM_M])
         most = float(np.ptp(t)) / LASTING_S
         # b late by delta shows b where a was: p_b = p_a - v delta at the same stamp.
@@ -251,12 +247,28 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
     offset = Estimate(lag, float(lag - half[0]), float(lag + half[0]), "s")
     drift = Estimate(slope, float(slope - half[1]), float(slope + half[1]), "s/s")
     moving = speed > 1.0
-    parts = [np.abs((residual * e).sum(axis=1)[moving]) for e in (along, cross)]
+    parts = [np.abs((residual * axes[..., k]).sum(axis=1)[moving]) for k in (0, 1)]
     if not moving.any():
         return None
     along_m, cross_m = (1.4826 * float(np.median(p)) for p in parts)
     scatter = float(np.median(np.hypot(*residual.T)))
     return _Fit(lag, offset, drift, middle - lag, scatter, along_m, cross_m, float(np.ptp(t)))
+
+
+def lever_and_shift(forward: np.ndarray) -> np.ndarray:
+    """Give the columns of a lever arm forward and right, and of a shift east and north.
+
+    Parameters
+    ----------
+    forward : ndarray, shape (n, 2)
+        Unit vectors.
+
+    Returns
+    -------
+    ndarray, shape (n, 2, 4)
+    """
+    columns = [forward, forward[:, ::-1] * [1, -1]]
+    return np.stack([*columns, *(np.broadcast_to(e, forward.shape) for e in np.eye(2))], axis=-1)
 
 
 def least_squares(x: np.ndarray, d: np.ndarray, prior: np.ndarray, most: float = np.inf) -> tuple:
@@ -313,17 +325,13 @@ def least_squares(x: np.ndarray, d: np.ndarray, prior: np.ndarray, most: float =
     for k, own in enumerate(influence.T):
         samples = min(independent, effective_samples(own))
         half[k] = normal_factor(samples) * n * np.sqrt(np.mean(own**2) / samples)
-    return (
-        beta,
-        np.hypot(half, 1.96 * np.sqrt(np.diag(inverse @ np.diag(trust) @ inverse))),
-        residual,
-    )
+    of_prior = 1.96 * np.sqrt(np.diag(inverse @ np.diag(trust) @ inverse))
+    return beta, np.hypot(half, of_prior), residual
 
 
-def _by_attitude(a: Track, b: Track, lag: float) -> Clock:
+def _by_attitude(a: Track, b: Track, lag: float, use: np.ndarray) -> Clock:
     """Refine a lag on attitudes alone; signs of the axes are found on the way."""
     drift = Estimate.refused("s/s", "not estimated from attitudes alone")
-    use = np.isfinite(a.attitude).any(axis=0) & np.isfinite(b.attitude).any(axis=0)
     t, mine, theirs = a.attitude_t_s, unwrapped(a.attitude[:, use]), unwrapped(b.attitude[:, use])
     rates, count = rate(t, mine, 0.5), int(use.sum())
     for _ in range(8):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.units.frame import Track, interpolated
+from analysis.units.frame import Track, interpolated, repeats
 
 ACCELERATION = 15.0  # m/s^2: more than a car or a light aircraft does
 JUMP_SIGMAS, JUMP_M = 8.0, 1.0  # smallest jump: robust standard deviations, and metres
@@ -86,7 +86,6 @@ def _holds(track, others) -> Iterator[Event]:
     """Find exact repeats of a position, or of an attitude, while the unit or another one moves."""
     fixed = track.fixed
     t, xy, v = track.t_s[fixed], track.enu[fixed][:, :2], track.velocity[fixed]
-    turning = [o for o in others if len(o.attitude_t_s) > 1]
 
     def travelled(i, j):
         speed = np.hypot(*v[i + 1 : j + 1].T)  # the unit's own, if it reports one
@@ -96,7 +95,7 @@ def _holds(track, others) -> Iterator[Event]:
             yield float(np.hypot(*(ends[1] - ends[0])))
 
     def turned(i, j):
-        for other in turning:
+        for other in others:
             span = track.attitude_t_s[[i, j]]
             inside = (other.attitude_t_s >= span[0]) & (other.attitude_t_s <= span[1])
             if inside.sum() > 1:
@@ -116,9 +115,7 @@ def _held(name, kind, t, values, moved, least, says) -> Iterator[Event]:
     """Find the repeats that last while something moves; frozen, if that is nearly all the time."""
     if len(t) < 3:
         return
-    same = (np.diff(values, axis=0) == 0).all(axis=1)
-    edges = np.diff(np.r_[False, same, False].astype(int))
-    for i, j in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+    for i, j in zip(*repeats(values), strict=True):
         lasts = t[j] - t[i]
         if lasts < HELD_S:
             continue

@@ -207,16 +207,30 @@ def _repeated(t, xy):
     Where most epochs are in runs, that is how often the receiver gives a position: so the runs may
     be half as long again as they usually are.
     """
-    same = np.r_[False, (np.diff(xy, axis=0) == 0).all(axis=1)]
-    start = np.flatnonzero(np.diff(np.r_[False, same].astype(int)) == 1) - 1
-    stop = np.flatnonzero(np.diff(np.r_[same, False].astype(int)) == -1)
+    start, stop = repeats(xy)
     drop = np.zeros(len(t), dtype=bool)
     longest = RENEWED_S
-    if len(start) > FEWEST and same.mean() > 0.5:
+    if len(start) > FEWEST and 2 * (stop - start).sum() > len(t):
         longest = max(longest, 1.5 * float(np.median(t[stop] - t[start])))
     for i, j in zip(start, stop, strict=True):
         drop[i + 1 : j + 1] = t[j] - t[i] < longest
     return drop
+
+
+def repeats(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give the first and the last epoch of each spell in which no value changes.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, k)
+
+    Returns
+    -------
+    start, stop : ndarray of int, shape (spells,)
+    """
+    same = (np.diff(values, axis=0) == 0).all(axis=1)
+    edges = np.diff(np.r_[False, same, False].astype(int))
+    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
 
 
 def rate(t: np.ndarray, x: np.ndarray, width: float) -> np.ndarray:

@@ -90,8 +90,8 @@ def differences(a: Track, b: Track) -> Differences:
     sin, cos = np.sin(np.radians(course)), np.cos(np.radians(course))
     angle_t = _common(a.attitude_t_s, b.attitude_t_s, -np.inf, np.inf)
     angles = [interpolated_angles(angle_t, u) for u in (a, b)]
-    known = np.isfinite(angles[1] - angles[0]).any(axis=1) if len(angle_t) else slice(0)
-    if not len(t) and not np.any(known):
+    known = np.isfinite(angles[1] - angles[0]).any(axis=1)
+    if not len(t) and not known.any():
         raise CannotAnswer(
             f"{a.name} and {b.name} have no epoch in common: {a.name} runs from "
             f"{span(a)[0]:.0f} s to {span(a)[1]:.0f} s, {b.name} from {span(b)[0]:.0f} s to "
@@ -128,8 +128,7 @@ def interpolated_angles(t: np.ndarray, track: Track) -> np.ndarray:
     ndarray, shape (k, 3), deg
     """
     angles = unwrapped(track.attitude)
-    columns = [interpolated(t, track.attitude_t_s, angles[:, [k]]) for k in range(3)]
-    return np.hstack(columns) if len(t) else np.empty((0, 3))
+    return np.hstack([interpolated(t, track.attitude_t_s, angles[:, [k]]) for k in range(3)])
 
 
 def trajectory_metrics(d: Differences) -> dict[str, Estimate]:

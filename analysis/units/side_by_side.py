@@ -14,7 +14,7 @@ import numpy as np
 from tqdm import tqdm
 
 from analysis import CannotAnswer, Estimate, wrap
-from analysis.units.clock import Clock, clock_offset, least_squares, stands_still
+from analysis.units.clock import Clock, clock_offset, least_squares, lever_and_shift, stands_still
 from analysis.units.events import Apart, Event, disagreements, find_events
 from analysis.units.frame import Track, interpolated, local_tracks, rate, unwrapped
 from analysis.units.metrics import (
@@ -186,18 +186,12 @@ def _clock(a: Track, b: Track, notes) -> Clock:
 
 def _agreed(tracks, notes):
     """Bring all attitudes to one convention: that of the first one which has turns to check it."""
-    known = [t for t in tracks if len(t.attitude_t_s)]
-    if not known:
-        return tracks
-    reference, said = conventions(known[0])
-    notes += said
-    out = []
+    reference, out = None, []
     for track in tracks:
-        if track is known[0]:
-            track = reference
-        elif len(track.attitude_t_s):
-            track, said = conventions(track, reference)
-            notes += said
+        track, said = conventions(track, reference)
+        if reference is None and len(track.attitude_t_s):
+            reference = track
+        notes += said
         out.append(track)
     return out
 
@@ -391,7 +385,8 @@ def apart(a: Track, b: Track, d: Differences) -> list[Apart]:
     """
     found = []
     if len(d.t_s) >= FEWEST:
-        axes = _in_axes(_heading(a, d))
+        heading = np.radians(_heading(a, d))
+        axes = lever_and_shift(np.column_stack([np.sin(heading), np.cos(heading)]))
         residual = least_squares(axes, d.enu[:, :2], np.full(4, 1e3))[2]
         off = np.hypot(*residual.T)
         # The median of two axes' distance is 1.177 standard deviations of one (Rayleigh).
@@ -410,18 +405,10 @@ def apart(a: Track, b: Track, d: Differences) -> list[Apart]:
 
 def _heading(a, d):
     """Heading of a at the positions of d, deg: its yaw, or else its course; 0 without either."""
-    yaw = interpolated_angles(d.t_s, a)[:, 2] if len(a.attitude_t_s) else np.empty(0)
+    yaw = interpolated_angles(d.t_s, a)[:, 2]
     if not np.isfinite(yaw).any():
         yaw = np.where(d.speed_m_s > 2.0, _course(d.t_s, a), np.nan)
     known = np.isfinite(yaw)
     if not known.any():
         return 0 * d.t_s
     return np.interp(d.t_s, d.t_s[known], np.unwrap(yaw[known], period=360.0))
-
-
-def _in_axes(yaw):
-    """Columns of a lever arm forward and right, and of a shift east and north, (n, 2, 4)."""
-    heading = np.radians(yaw)
-    forward = np.column_stack([np.sin(heading), np.cos(heading)])
-    columns = [forward, forward[:, ::-1] * [1, -1]]
-    return np.stack([*columns, *(np.broadcast_to(e, forward.shape) for e in np.eye(2))], axis=-1)

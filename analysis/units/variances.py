@@ -107,13 +107,13 @@ def unit_variances(
         raise CannotAnswer(
             f"about {independent_samples:.0f} independent differences: too few for variances"
         )
+    allowed = {rho: np.sqrt(_range(s, rho)) for rho in correlations}
     if count == 2:
-        return _two(x, s, unit, correlations)
+        return _two(x, unit, allowed)
     hat, freedom = _hat(x, s)
     best = _joint(s, np.full((1, count), s.max() / 2), range(count))[0]
     independent = tuple(_interval(s, best, i, f, unit) for i, f in enumerate(freedom))
     p = _independence(s, float(_deviance(best, s)), float(freedom.min()), hat)
-    allowed = {rho: np.sqrt(_range(s, rho)) for rho in correlations}
     correlated = p < LEVEL
     note = f"{n} common times, about {freedom.min():.0f} of them independent"
     if correlated:
@@ -134,7 +134,7 @@ def unit_variances(
     return Variances(tuple(sigma), independent, hat, p, allowed, note)
 
 
-def _two(x, s, unit, correlations) -> Variances:
+def _two(x, unit, allowed) -> Variances:
     """Say what two units tell: the sum of their variances."""
     total = root_mean_square(x[0] - x[1], unit)
     note = (
@@ -143,7 +143,6 @@ def _two(x, s, unit, correlations) -> Variances:
     )
     bound = Estimate.refused(unit, note, low=0.0, high=total.high)
     both = (bound, bound)
-    allowed = {rho: np.sqrt(_range(s, rho)) for rho in correlations}
     return Variances(both, both, np.full(2, np.nan), float("nan"), allowed, note)
 
 
@@ -264,18 +263,6 @@ def _independence(s, least, freedom, hat):
     return 0.5 * float(chi2.sf(statistic, 1)) if (hat < 0).any() else 1.0
 
 
-def _slacks(v, s, rho):
-    """By how much the variances keep |r_ij| <= rho sqrt(v_i v_j),  r_ij = (v_i + v_j - s_ij) / 2.
-
-    All are concave in v, so that the variances that keep them are a convex set. With correlations
-    of at most 1 / (N - 1) no eigenvalue of the covariances can be negative (Gershgorin); beyond, a
-    set that does not ask for that is wider than it need be.
-    """
-    v = np.maximum(v, 0.0)
-    i, j = np.triu_indices(len(v), 1)
-    return rho * np.sqrt(v[i] * v[j] + 1e-12) - np.abs(v[i] + v[j] - s[i, j]) / 2
-
-
 def _least(cost, start, slacks, more=()):
     """Minimise a cost of variances >= 0 (and ``more`` with bounds) while no slack is negative."""
     return minimize(
@@ -289,19 +276,29 @@ def _least(cost, start, slacks, more=()):
 
 
 def _range(s, rho):
-    """Smallest and largest variance of each unit with all |correlations| <= rho; NaN if none."""
+    """Smallest and largest variance of each unit with all |correlations| <= rho; NaN if none.
+
+    With correlations of at most 1 / (N - 1) no eigenvalue of the covariances can be negative
+    (Gershgorin); beyond, a set that does not ask for that is wider than it need be.
+    """
     scale, count = s.max(), len(s)
     out = np.full((count, 2), np.nan)
+    one, other = np.triu_indices(count, 1)
+    apart = s[one, other] / scale
 
     def slacks(v):
-        return _slacks(v, s / scale, rho)
+        """By how much they keep |r_ij| <= rho sqrt(v_i v_j),  r_ij = (v_i + v_j - s_ij) / 2.
+
+        All are concave in v, so that the variances that keep them are a convex set.
+        """
+        v = np.maximum(v, 0.0)
+        return rho * np.sqrt(v[one] * v[other] + 1e-12) - np.abs(v[one] + v[other] - apart) / 2
 
     # Begin deep inside the set: where the least slack, one more unknown, is largest.
     start = np.full(count, 0.6)  # every v_i >= s_ij / 2 is a covariance matrix
     deep = np.append(start, slacks(start).min())
-    start = _least(lambda x: -x[-1], deep, lambda x: slacks(x[:-1]) - x[-1], more=[(-3.0, 1.0)])[
-        :-1
-    ]
+    deep = _least(lambda x: -x[-1], deep, lambda x: slacks(x[:-1]) - x[-1], more=[(-3.0, 1.0)])
+    start = deep[:-1]
     if slacks(start).min() < -1e-6:
         return out
     for i in range(count):
