@@ -10,6 +10,7 @@ import tomllib
 from importlib.util import find_spec
 from pathlib import Path
 
+import constants
 import nbformat
 import pandas as pd
 import pytest
@@ -247,6 +248,10 @@ def test_the_readme_tells_the_counts_of_reliability():
     unlike = mutants[~mutants["reason"].str.startswith("equivalent")]
     unnoticed = (unlike["killed_by"] == "").sum()
     kept.loc[len(kept)] = "mutants", len(unlike), unnoticed, "make test-mutants"
+    rows, numbers = constants.stored(), constants.known()  # of each as it is now
+    assert [key[:4] for key in rows] == [n for n in numbers for _ in constants.FACTORS]
+    felt = {key[:4] for key, row in rows.items() if constants.felt(row)}
+    kept.loc[len(kept)] = "constants", len(numbers), len(felt), "python tests/constants.py"
     last = unlike[unlike["seed"] == unlike["seed"].max()]
     had = last["reason"].str.startswith("unnoticed when drawn") & (last["killed_by"] != "")
     missed = had.sum() + (last["killed_by"] == "").sum()
