@@ -48,7 +48,7 @@ def test_a_disturbance_reaches_parameters_and_fit():
     found = as_gyro(y, 0.01)
     (told,) = [d for d in found.fit["disturbances"] if d["kind"] == "noise_level"]
     assert not found.parameters["arw"].resolved and "arw" in told["affects"]
-    assert told["note"] in found.parameters["arw"].note
+    assert told["note"] + "; it changed: 5.99 °/√h in the first" in found.parameters["arw"].note
     assert found.parameters["arw"].low < np.sqrt(0.01 * 2.5) < found.parameters["arw"].high
 
 

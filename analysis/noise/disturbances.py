@@ -490,7 +490,8 @@ def uneven(y: np.ndarray, dt: float, m: int, white: float) -> list[Disturbance]:
     for is_white, affects in ((True, WHITE), (False, SIZES)):
         parts = [part for of_white, part in scales if of_white == is_white]
         tests = [d for part in parts for d in level_changes(part, affects, chance)]
-        found += sorted(tests, key=lambda d: d.widens or (np.inf,))[-1:]
+        # Of those that refuse, the shortest averages: they know the levels best.
+        found += sorted(tests, key=lambda d: d.widens or (np.inf,), reverse=True)[:1]
     return found + tails
 
 
