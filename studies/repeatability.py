@@ -149,7 +149,8 @@ def summary(table, pairs, *, draws=DRAWS, seed=SEED):
         sensor, kind, pieces, parameter; channels, resolved (share of the parts), pairs, within
         (share of the pairs with |z| < 1.96), low, high (its 95 % interval, channels drawn); named
         and named_within, the shares of the other pairs and of these for which something is
-        reported: a report that is as frequent in pairs that agree explains nothing.
+        reported: a report that is as frequent in pairs that agree explains nothing; within_later,
+        the share of the pairs without the first part, in which a sensor may settle.
     """
     rng, rows = np.random.default_rng(seed), []
     groups = dict(list(pairs.groupby(PAIR, sort=False)))
@@ -166,6 +167,7 @@ def summary(table, pairs, *, draws=DRAWS, seed=SEED):
             shares = agreed[drawn].sum(axis=1) / count[drawn].sum(axis=1)
             row |= dict(zip(("low", "high"), resampling.interval(shares), strict=True))
             row |= {"named": named[off].mean(), "named_within": named[~off].mean()}
+            row |= {"within_later": (~off)[groups[key]["part_a"] > 0].mean()}
         rows.append(row)
     return pd.DataFrame(rows)
 

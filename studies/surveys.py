@@ -339,8 +339,7 @@ def inverse_setup(tracker: str, start: str, on: str) -> Setup:
     (`terrain_data.map_error`); it is drawn for each lap. The filter with bias states expects it.
     """
     track, error = terrain_data.profile(DIRECTION), terrain_data.map_error()
-    bias_states = tracker == "bias states"
-    laps = float(track.laps.mean())
+    bias_states, laps = tracker == "bias states", float(track.laps.mean())
     R = _variance_of_map() if bias_states else None
     setup = Setup(track.length_m, start=start, R=R, bias_states=bias_states).coarser(STEP_M)
     if on == "exact map":

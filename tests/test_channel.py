@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from refused import refused
 
-from analysis import CannotAnswer, Estimate, figures, plots
+import sensorlogs as logs
+from analysis import ROOT, CannotAnswer, Estimate, figures, plots
 from analysis.noise import allan
 from analysis.noise.channel import characterise, joined, refuse_without_noise, remarks, windows
 from analysis.noise.goodness import together
@@ -105,9 +106,8 @@ def test_the_panels_of_a_channel(detrend):
         np.testing.assert_allclose(lag, m * k * 0.1)
         expected = [d[: len(d) - lag] @ d[lag:] / len(d) for lag in k]
         np.testing.assert_allclose(acov, expected, atol=1e-12)
-    for about, expected in (((500, 0.01), [0.3, 1, 3, 10]), ((499, 0.01), [0.1, 0.3, 1, 3]),
-                            ((500, 3), [3, 10]), ((10, 1.0), [1.0])):  # fmt: skip
-        assert windows(*about) == expected
+    told = [windows(*of) for of in ((500, 0.01), (499, 0.01), (500, 3), (10, 1.0))]
+    assert told == [[0.3, 1, 3, 10], [0.1, 0.3, 1, 3], [3, 10], [1.0]]
 
 
 def test_too_little_to_measure_by_its_rules():
@@ -118,6 +118,15 @@ def test_too_little_to_measure_by_its_rules():
         y = level + 0.99 * size * swing
         refused(CannotAnswer, why, refuse_without_noise, y, 1.0, "x", "g")
         refuse_without_noise(level + 1.01 * size * swing, 1.0, "x", "g")
+
+
+def test_positions_with_gaps():
+    """real: rounding of a random walk across gaps stops no bootstrap (LinAlgError before)."""
+    log = logs.read(ROOT / "data/raw/gpsd/haicom-305N.log")
+    for c in log.channels:
+        about = {"name": c.name, "unit": c.unit, "kind": c.kind, "rng": np.random.default_rng(1)}
+        drift = characterise(c.values, log.dt, **about).parameters["drift"]
+        assert drift.low < 0 < drift.high
 
 
 def test_what_changes_in_all_axes_widens_each_that_was_fitted():

@@ -93,10 +93,8 @@ class AddedTerm:
             Coefficients and their standard errors.
         unit : str
         """
-        amplitude, spread = float(np.hypot.reduce(size)), float(np.sqrt((error**2).mean()))
-        if len(size) == 1:
-            amplitude = float(size[0])
-        half = norm.ppf(0.975) * spread
+        amplitude = float(size[0] if len(size) == 1 else np.hypot.reduce(size))
+        half = norm.ppf(0.975) * float(np.sqrt((error**2).mean()))
         low = max(amplitude - half, 0.0) if len(size) > 1 else amplitude - half
         unit = f"{unit}/K" if self.kind == "temperature" else unit
         parameters = {"amplitude": Estimate(amplitude, low, amplitude + half, unit)}

@@ -209,10 +209,9 @@ def together(channels: list, duration: float) -> list[Disturbance]:
 
 def _two_sided(power, freedom):
     """Probability of a chi-squared sum as far from its mean as this one, on either side."""
-    usable = freedom >= 1
-    of = np.where(usable, freedom, 1.0)
+    of = np.maximum(freedom, 1.0)
     p = 2 * np.minimum(chi2.cdf(power, of), chi2.sf(power, of))
-    return np.where(usable, p, 1.0)
+    return np.where(freedom >= 1, p, 1.0)
 
 
 def _verdict(p, off):

@@ -53,9 +53,8 @@ def white_noise(curve: AllanCurve, unit: str) -> Estimate:
     out = random_walk_unit(unit)
     run = _longest_run(curve, np.abs(slopes(curve) + 0.5) < TOLERANCE)
     if run is None:
-        high = steady(curve)[1]
-        low_curve = float(np.min(high * np.sqrt(curve.tau))) if len(curve.tau) else None
-        return Estimate.refused(out, said("no_slope"), high=low_curve)
+        most = float(np.min(steady(curve)[1] * np.sqrt(curve.tau))) if len(curve.tau) else None
+        return Estimate.refused(out, said("no_slope"), high=most)
     root = np.sqrt(curve.tau[run])
     weight = curve.edf[run]
     value = float(np.exp(np.average(np.log(curve.adev[run] * root), weights=weight)))

@@ -636,9 +636,9 @@ def low_passed(likelihood, fit):
 
 def as_noisy(y, fit):
     """Whether neighbouring samples differ as white noise of the fitted size has it."""
-    step = np.diff(y)
-    level = np.mean(np.square(step, out=step), where=np.isfinite(step)) / 2
-    white = fit.terms["sigma_v"][0] ** 2
+    white, step = fit.terms["sigma_v"][0] ** 2, np.diff(y)
+    there = np.isfinite(step)
+    level = np.mean(np.square(step, out=step), where=there) / 2 if there.any() else white
     return abs(level - white) < AGREE * white
 
 

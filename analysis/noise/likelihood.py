@@ -23,6 +23,7 @@ FASTEST = 0.55
 # Correlation time, in log lengths, of the Gauss-Markov process that stands for a random walk across
 # gaps: its increments over the whole log are short by 1/2000.
 FAR = 1000.0
+ROUNDED = 1e-12  # of the largest variance: a smaller one is rounding
 FORGOTTEN = 1e-17  # of a process after a gap: less changes no digit of what follows
 
 
@@ -200,7 +201,9 @@ def _along_u(stretch, terms, covariance, normal, rng):
         v += np.diag(diagonal[both].ravel())
         at_first = (outer[both, :, :used] * factor[both, None]).reshape(2 * bins, used)
         at_last = at_first * np.repeat([1, -1], bins)[:, None]
-        root = np.linalg.cholesky(v - at_first @ at_first.T)
+        left = v - at_first @ at_first.T  # of a random walk across gaps, rounding may be left
+        lift = max(ROUNDED * v.max() - np.linalg.eigvalsh(left)[0], 0.0)
+        root = np.linalg.cholesky(left + lift * np.eye(2 * bins))
         own = normal[:, both].reshape(logs, 2 * bins)
         drawn[:, both] = (state @ at_first.T + own @ root.T).reshape(logs, 2, bins)
         shared = np.linalg.solve(root, at_last - at_first * stay[k])

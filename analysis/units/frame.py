@@ -152,7 +152,7 @@ def _refuse_same(units):
     readings = {k: (_positions(log).lat_deg, _attitudes(log).roll_deg) for k, log in units.items()}
     for a, b in combinations(units, 2):
         for one, other in zip(readings[a], readings[b], strict=True):
-            if len(one) and np.array_equal(one, other, equal_nan=True) and np.ptp(one[one == one]):
+            if np.array_equal(one, other, equal_nan=True) and len(np.unique(one[one == one])) > 1:
                 raise WrongUsage(
                     f"{a} and {b} hold the same readings: the same log twice? Give the log of each "
                     "unit once"
