@@ -31,7 +31,7 @@ CLASSES = {  # of each block, and the modules of the same folder that its module
 
 
 def test_the_command_can_turn_each_block_off():
-    """property: `replay --without` takes each block, and nothing else."""
+    """property: `replay --without` takes each block, and nothing else; a threshold arrives."""
     flags = cli.FLAGS["replay"]
     assert [b.replace("-", "_") for b in flags["without"]["choices"]] == list(BLOCKS)
     assert flags["using"]["choices"] == ["auto", *FILTERS]
@@ -43,6 +43,7 @@ def test_the_command_can_turn_each_block_off():
         device = Device(Options(filter=asked, fusion=fuses), None, imu)
         assert (device.bridges, device.last.bridged_s) == (used, seconds)
     refused(ValueError, "no such filter: cars", Device, Options(filter="cars"), None, has_imu=True)
+    assert Device(Options(max_mount_sigma=0.5), None, True).mounting.max_mount_sigma == 0.5
 
 
 @pytest.mark.parametrize("block", BLOCKS)
@@ -383,6 +384,8 @@ def test_when_the_filters_start_and_what_carries_them():
         given = ("fix", "v", ("C", "b", "d"), at["mount"] or 0.0, 1.0, 2.0, (0.1, 3.0))
         assert [c.args for c in device.constrained.start.call_args_list] == [given] * starts
         assert not starts or device.constrained.later == max(late, 0.0)
+        device.constrained.started, device._t_imu = True, 6.49  # a hole in the IMU ends it
+        assert device._constrain(*[None] * 4) is None and not device.constrained.started
         for since, imu in ((0.0, 0.0), (1.0, 1.0), (1.01, 0.0), (0.5, 1.01)):
             device._t_fusion, device._t_imu, device.fusion = 9.0, 9.0 + since - imu, Mock()
             device._predict(9.0 + since)

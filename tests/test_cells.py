@@ -16,8 +16,7 @@ from studies import coverage, readings
 from studies.cells import Cell, compute, tabulate
 from workbench.cli import main
 
-VARIED = ("noise", "channel", "mean")
-FEW = [f"{name}={of[0]}" for name, of in FACTORS.items() if name not in VARIED]
+FEW = [f"{k}={of[0]}" for k, of in FACTORS.items() if k not in ("noise", "channel", "mean")]
 OPTIONS = {"readings": 4, "laps": 6, "best": 0, "held": FEW}
 
 
@@ -60,9 +59,8 @@ def test_a_cluster_goes_on_without_a_killed_worker(tmp_path):
 
 def test_a_killed_run_loses_nothing(tmp_path):
     """property: after kill -9 the finished cells stay, and the run ends as one of two workers."""
-    command = [sys.executable, "-m", "analysis", "readings", "--out", "broken", "--readings", "4"]
-    command += ["--laps", "6", "--best", "0", "--workers", "1"]
-    command += [word for one in FEW for word in ("--hold", one)]
+    words = "-m analysis readings --out broken --readings 4 --laps 6 --best 0 --workers 1"
+    command = [sys.executable, *words.split(), *(word for one in FEW for word in ("--hold", one))]
     run = subprocess.Popen(command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)})
     folder = tmp_path / "broken"
     while not (kept := [p for p in folder.glob("cells/*") if p.is_file()]):
@@ -96,13 +94,13 @@ def test_a_table_goes_on_and_a_finished_one_stays(tmp_path):
 
 def test_errors_are_one_sentence(tmp_path, capsys):
     """property: unknown factor, unknown level, no scheduler: exit status 2, and what to do."""
-    for given, said in (
-        (["--hold", "gyro=good"], "no factor 'gyro'; there are: noise"),
-        (["--hold", "leg_m=7"], "'leg_m' has no level '7'; it has: 100.0"),
-        (["--hold", "noise=loud"], "no level 'loud'; it has: integrated"),
-        (["--scheduler", "nowhere"], "no dask scheduler answers"),
-    ):
-        assert main(["readings", "--out", str(tmp_path / "new"), *given]) == 2
+    for given, said in {
+        "--hold gyro=good": "no factor 'gyro'; there are: noise",
+        "--hold leg_m=7": "'leg_m' has no level '7'; it has: 100.0",
+        "--hold noise=loud": "no level 'loud'; it has: integrated",
+        "--scheduler nowhere": "no dask scheduler answers",
+    }.items():
+        assert main(["readings", "--out", str(tmp_path / "new"), *given.split()]) == 2
         sentence = capsys.readouterr().err.strip()
         assert said in sentence and len(sentence.splitlines()) == 1
     assert not (tmp_path / "new" / "readings.csv").exists()

@@ -21,7 +21,8 @@ from workbench.cli import main
 
 FIG9, OWN = "22-fig9-fig11-variance", "10-adis16405-gyro-x"
 CAPTION = "Variance of the error (95 % bands), B & N in °/√s, R_0 as printed."
-UNKNOWN = "no figure 'foo'; the names are in figures/"
+NEAREST = {"22-fig9": FIG9, "10-adis16045-gyro-x.png": OWN, "": "figures/"}
+NEAREST["foo"] = "no figure 'foo'; the names are in figures/"
 ADIS = {"adis16405": "1eb09074beabd7cfc15b402cb8043b5302f6e4edfd9e4ebfbf8117436f8b9fa9"}
 
 
@@ -91,10 +92,7 @@ def test_the_compendium_with_its_three_papers():
 
 
 @pytest.mark.usefixtures("drawn")
-@pytest.mark.parametrize(
-    ("typed", "near"),
-    [("22-fig9", FIG9), ("10-adis16045-gyro-x.png", OWN), ("", "figures/"), ("foo", UNKNOWN)],
-)
+@pytest.mark.parametrize(("typed", "near"), NEAREST.items())
 def test_an_unknown_figure(typed, near, capsys):
     """Property: status 2, and the nearest names."""
     assert main(["cite", typed]) == 2 and near in capsys.readouterr().err

@@ -22,7 +22,7 @@ import pytest
 from analysis import ROOT, claims, store
 from sensorlogs import datasets
 from studies import derived
-from workbench import cli, exports, report, reproduce, verdict
+from workbench import cli, exports, reproduce, verdict
 
 COMMANDS = "reproduce report replay pool export plan coverage claims data benchmark compare "
 COMMANDS += "readings"
@@ -158,16 +158,6 @@ def test_the_terminal_says_what_was_exported_and_what_not(tmp_path, good, no_pic
     assert "roll is of kind angle" in text
 
 
-def test_an_empty_column_is_left_out_and_said(tmp_path, no_pictures):
-    """Property: a known column without any value costs the log nothing but itself."""
-    log = write(tmp_path, [f"{row}," for row in ROWS], f"{HEADER},gyro_y_deg_s")
-    out = told("report", log, "--out", tmp_path / "mine")
-    assert "columns left out: gyro_y_deg_s (no value)" in out
-    assert [c["name"] for c in model(tmp_path / "mine")["channels"]] == ["gyro_x"]
-    status, _, err = run("report", log, "--columns", "gyro_y", "--out", tmp_path / "none")
-    assert status == 1 and "line 2, column 'gyro_y_deg_s': no value here" in err
-
-
 def test_no_figure_of_an_earlier_log_stays(tmp_path, no_pictures):
     """Property: a report of fewer channels leaves no figure of the others, and no other file."""
     both = write(tmp_path, [f"{row},0.{row[-3:]}" for row in ROWS], f"{HEADER},gyro_y_deg_s")
@@ -227,45 +217,43 @@ def test_flags_say_what_a_log_does_not(tmp_path, no_pictures, good):
 
 # --- refusals ------------------------------------------------------------------------------------
 
-BACKWARD = [*ROWS[:100], *ROWS[90:]]
+TEXT = "\n".join([HEADER, *ROWS])
+BACKWARD = "\n".join([HEADER, *ROWS[:100], *ROWS[90:]])
+CONSTANT = "\n".join([HEADER, *(f"{i / 100},1.5" for i in range(200))])
+TINY = "\n".join([HEADER, *(f"{k / 100},{(-1) ** k * (k % 7) * 1e-312}" for k in range(300))])
+DEEP = '{"a":' * 50_000 + "1" + "}" * 50_000
 REFUSED = {  # test_logs has what else can be wrong with a log
-    "backward time": (BACKWARD, [], 1, ("line 102", "'t_s'", "backward", "--rate")),
-    "a constant": ([f"{i / 100},1.5" for i in range(200)], [], 1, ("gyro_x", "1.5", "--columns")),
-    "past the end": (ROWS, ["--from", "60"], 2, ("60 s", "5.99 s")),
-}
+    "backward time": ("report", BACKWARD, [], 1, "my.csv, line 102|'t_s'|backward|--rate"),
+    "a constant": ("report", CONSTANT, [], 1, "my.csv|gyro_x|1.5|--columns"),
+    "past the end": ("report", TEXT, ["--from", "60"], 2, "my.csv|60 s|5.99 s"),
+    "slow": ("report", TEXT, ["--rate", "1e-300"], 2, "--rate 1e-300: give a positive number"),
+    "fast": ("report", TEXT, ["--rate", "1e300"], 2, "--rate 1e+300: give a positive number"),
+    "long name": ("report", TEXT, ["--out", "x" * 300], 1, "too long"),
+    "tiny": ("report", TINY, [], 1, "the square of such a number is 0"),
+    "deep": ("export", DEEP, [], 2, "no model.json"), "list": ("export", "[[1]]", [], 2, ""),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_refusals(tmp_path, case, good):
+def test_refusals(tmp_path, monkeypatch, case, good):
     """Property: the right exit status, one sentence that names the place, and nothing written.
 
     What lay in the folder lies there still, byte for byte.
     """
-    rows, options, expected, words = REFUSED[case]
-    path = write(tmp_path, rows)
-    status, out, err = run("report", path, "--out", tmp_path / "deep" / "mine", *options)
+    verb, content, options, expected, words = REFUSED[case]
+    monkeypatch.chdir(tmp_path)
+    (path := tmp_path / "my.csv").write_text(content)
+    status, out, err = run(verb, path, "--out", tmp_path / "deep" / "mine", *options)
     assert (status, out) == (expected, "")
     assert err.startswith(("", "cannot answer: ", "wrong usage: ")[expected])
     assert err.count("\n") == 1 and err.endswith("\n")
-    for word in ("my.csv", *words):
-        assert word in err, word
-    assert str(tmp_path) not in err.split("python -m analysis")[0]  # the command repeats its paths
+    assert [word for word in words.split("|") if word not in err] == []
+    if verb != "export":  # which names the file as it was given; the command repeats its paths
+        assert str(tmp_path) not in err.split("python -m analysis")[0]
     assert os.listdir(tmp_path) == ["my.csv"]
     shutil.copytree(good.folder, tmp_path / "mine")
-    assert run("report", path, "--out", tmp_path / "mine", *options)[0] == expected
+    assert run(verb, path, "--out", tmp_path / "mine", *options)[0] == expected
     assert files(tmp_path / "mine") == files(good.folder)
-
-
-def test_failing_halfway_leaves_nothing(tmp_path, monkeypatch, no_pictures):
-    """Property: whatever goes wrong after the pictures are drawn, nothing half-written stays."""
-
-    def stop(told, folder):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(report, "_page", stop)
-    status, out, err = run("report", write(tmp_path), "--out", tmp_path / "mine")
-    assert (status, out) == (130, "") and err == "stopped; nothing is written\n"
-    assert os.listdir(tmp_path) == ["my.csv"]
 
 
 def test_version_is_that_of_the_package():
@@ -330,18 +318,15 @@ def test_a_library_that_is_missing_is_named():
     assert err == "click is not installed: make install, then . .venv/bin/activate\n"
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    ["--help", "report --help", "plan --rate 100 --white 0.004", "claims", "which-gyro --error 1"],
-)
-def test_what_computes_little_starts_at_once(arguments):
+@pytest.mark.parametrize(("arguments", "light"), [
+    ("--help", True), ("report --help", True), ("plan --rate 100 --white 0.004", True),
+    ("claims", False), ("which-gyro --error 1", False)])  # fmt: skip
+def test_what_computes_little_starts_at_once(arguments, light):
     """Property: nothing that takes a second to load: no drawing, no scipy.stats, or no pandas."""
-    arguments = arguments.split()
-    light = arguments[0] not in ("claims", "which-gyro")
     heavy = ["matplotlib", "scipy.stats", *["pandas"] * light]
     code = "import sys; from workbench.cli import main; status = main(sys.argv[1:]); "
     code += f"sys.exit(status or any(name in sys.modules for name in {heavy}))"
-    status, _, err = program("-c", code, *arguments)
+    status, _, err = program("-c", code, *arguments.split())
     assert (status, err) == (0, "")
 
 
@@ -482,3 +467,40 @@ def test_a_terminal_has_lines_of_a_hundred_characters(tmp_path, good, no_picture
         assert cli.main(["report", str(write(tmp_path)), "--out", str(tmp_path / "mine")]) == 0
     widths = [max(map(len, text.splitlines())) for text in (terminal.getvalue(), good.out)]
     assert widths[0] <= 100 < widths[1]
+
+
+# --- what nobody should give ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("to", "status"), [("/dev/full", 1), ("closed", 0)])
+def test_output_that_cannot_be_written(to, status):
+    """property: a full disk is one sentence; a closed output is none."""
+    command = f"{sys.executable} -m analysis plan --rate 100 --white 0.004 "
+    command += ">&-" if to == "closed" else f"> {to}"
+    run = subprocess.run(command, shell=True, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == status and "Traceback" not in run.stderr
+    assert ("cannot answer: the output: No space left" in run.stderr) == bool(status)
+
+
+FULL = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (99, 99));"
+FULL += "import sys, workbench.cli; sys.exit(workbench.cli.main())"
+
+
+@pytest.mark.parametrize("command", [
+    "replay data/raw/gpsd/telit-he910.log",
+    "coverage --runs 2 --hours 0.1 --models midg-roll --workers 1"])  # fmt: skip
+def test_a_disk_that_is_full_while_files_are_written(command, tmp_path):
+    """property: one sentence, status 1, and no file, whole or half."""
+    status, _, err = program("-c", FULL, *command.split(), "--out", tmp_path / "out", cwd=ROOT)
+    assert status == 1 and "cannot answer: the output: File too large" in err
+    assert not files(tmp_path)
+
+
+def test_what_is_no_file(tmp_path):
+    """property: a pipe, a link in a circle and a lost one are called what they are."""
+    os.mkfifo(tmp_path / "pipe")
+    for link, target in (("one", "other"), ("other", "one"), ("lost", "nothing")):
+        (tmp_path / link).symlink_to(tmp_path / target)
+    for name, words in {"pipe": "a pipe", "one": "leads nowhere", "lost": "leads nowhere"}.items():
+        status, _, err = run("channels", tmp_path / name)
+        assert status == 2 and words in err

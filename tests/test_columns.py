@@ -3,7 +3,6 @@
 import shlex
 
 import numpy as np
-import pandas as pd
 import pytest
 from refused import refused
 from test_cli import run
@@ -18,6 +17,8 @@ RNG = np.random.default_rng(11)
 WHITE = RNG.normal(size=(N, 6))
 GYRO = [0.3, -0.5, 0.2] + 0.05 * WHITE[:, :3]  # deg/s
 ACCEL = [0.02, 0.01, 1.0] + 0.003 * WHITE[:, 3:]  # g
+GYRO_X = T, GYRO[:, 0]
+FREE = ACCEL - [0.02, 0.01, 1.0]  # gravity is taken off
 UNIX = 1.7e9 + T
 
 
@@ -35,11 +36,6 @@ def found(log):
     return [(c.name, c.unit) for c in log.channels]
 
 
-def kinds(log):
-    """Return the kinds of the channels."""
-    return {c.kind for c in log.channels}
-
-
 def left_out(log):
     """Return the sentence on what was left out."""
     return next((r for r in log.repairs if r.startswith("columns left out")), "")
@@ -47,7 +43,6 @@ def left_out(log):
 
 # --- today's failures: each took a wrong channel with exit status 0 ------------------------------
 
-PHYPHOX = "Time (s),Gyroscope x (rad/s),Gyroscope y (rad/s),Gyroscope z (rad/s),Absolute (rad/s)"
 ROS = "header.seq,header.stamp.secs,header.stamp.nsecs,angular_velocity.x,angular_velocity.y"
 
 
@@ -55,9 +50,6 @@ NO_READINGS = {  # header, columns, what is given, channels, what is left out an
     "sensor logger": (
         "time,seconds_elapsed,z,y,x", (1e9 * UNIX, T, GYRO), {"unit": "rad/s"}, "z y x",
         "seconds_elapsed (a time)"),
-    "phyphox": (
-        PHYPHOX, (T, GYRO, np.linalg.norm(GYRO, axis=1)), {},
-        "Gyroscope_x Gyroscope_y Gyroscope_z", "Absolute (rad/s) (a norm)"),
     "ros": (
         ROS, (np.arange(N) + 7, np.floor(UNIX), 1e9 * (UNIX % 1), GYRO[:, :2]), {"unit": "rad/s"},
         "angular_velocity_x angular_velocity_y", "header.seq (a counter)"),
@@ -71,6 +63,19 @@ NO_READINGS = {  # header, columns, what is given, channels, what is left out an
     "other words": (
         "t,gyro_x,battery,state,acc_valid,mag_x,quality", (T, GYRO, GYRO), {"unit": "deg/s"},
         "gyro_x", "battery, state, acc_valid, quality (a status word), mag_x (another quantity)"),
+    "no gravity": (
+        "t,a_x,a_y,a_z,linear acc x,linear acc y,linear acc z", (T, 9.80665 * ACCEL, FREE),
+        {"unit": "m/s^2"}, "a_x a_y a_z", "linear acc z (accel with gravity taken off)"),
+    **{f"{name} of {value}": (  # a number that no temperature has
+        f"t_s,gyro_x_rad_s,{name}", (*GYRO_X, np.full(N, value)), {}, "gyro_x",
+        f"{name} (a temperature)")
+       for name, value in (("temp", -3000), ("temp_degF", 77), ("temp_K", 300))},
+    "a ramp": (  # a column that is named and has its unit is a reading, whatever its numbers
+        "t_s,gyro_x_rad_s,n", (T, np.arange(N) / 10, np.arange(N)), {}, "gyro_x",
+        "n (a counter: it steps by 1)"),
+    "an empty column": (
+        "t_s,gyro_x_rad_s,gyro_y_rad_s", (*GYRO_X, np.full(N, np.nan)), {}, "gyro_x",
+        "gyro_y_rad_s (no value)"),
     "no header": (
         "", (1000 + 10 * np.arange(N), GYRO, np.arange(N) > 200), {"unit": "deg/s", "rate": 100},
         "c2 c3 c4", "c1 (a time or counter: it never falls)"),
@@ -84,14 +89,8 @@ def test_what_is_no_reading_is_left_out_and_said(tmp_path, case):
     log = logs.read(write(tmp_path, header, *series), **options)
     unit = options.get("unit", "rad/s")
     assert found(log) == [(name, unit) for name in expected.split()] and said in left_out(log)
+    assert log.temperature is None
     assert log.rate_hz == pytest.approx(100, rel=1e-6)  # double precision of Unix nanoseconds
-
-
-def test_what_was_left_out_can_be_asked_for(tmp_path):
-    """Property: --columns takes a column that its name or content would leave out."""
-    path = write(tmp_path, "t,a,norm,index", T, GYRO)
-    log = logs.read(path, columns=["norm", "index"], unit="deg/s")
-    assert found(log) == [("norm", "deg/s"), ("index", "deg/s")]
 
 
 ROS_SIX = ",".join(f"{k}{a}" for k in ("linear_acceleration.", "omega_") for a in "xyz")
@@ -137,56 +136,45 @@ def test_a_bare_unit_is_for_one_kind(tmp_path, header):
     assert len(logs.read(path, unit=again[again.index("--unit") + 1], rate=100).channels) == 6
 
 
-def test_a_single_kind_takes_a_bare_unit(tmp_path):
-    """Property: a bare unit fits a log of one kind, or the columns of one kind."""
-    path = write(tmp_path, "t,ax,ay,az,gx,gy,gz", T, ACCEL, GYRO)
-    two = logs.read(path, columns=["gx", "gz"], unit="deg/s")
-    assert found(two) == [("gx", "deg/s"), ("gz", "deg/s")]
-    assert [c.kind for c in logs.read(path, unit="deg/s", kind="rate").channels] == ["rate"] * 3
-    path = write(tmp_path, "t,roll,pitch,yaw", T, GYRO)
-    assert kinds(logs.read(path, unit="deg")) == {"angle"}
-    assert kinds(logs.read(path, columns=["roll", "pitch"], unit="deg/s", kind="rate")) == {"rate"}
-
-
-def test_an_accelerometer_without_names_is_no_gyro(tmp_path):
-    """Property: a length of one g contradicts a unit of rates, unless --kind says so."""
-    path = write(tmp_path, "time,x,y,z", T, 9.80665 * ACCEL)
-    with pytest.raises(WrongUsage, match=r"x, y, z: no unit is known; say --unit accel=m/s\^2"):
-        logs.read(path, unit="deg/s")
-    assert kinds(logs.read(path, unit="deg/s", kind="rate")) == {"rate"}
-    assert kinds(logs.read(path, unit="accel=m/s^2")) == {"accel"}
-
-
-# --- raw counts ----------------------------------------------------------------------------------
+# --- what is read, and what is asked for ---------------------------------------------------------
 
 RAW = (T, np.round(16384 * ACCEL), np.round(131 * GYRO))
-COUNTS = "t_s,ax,ay,az,gx,gy,gz"
+FALLING = np.round(9.8 * GYRO / np.linalg.norm(GYRO, axis=1)[:, None])
+COUNTS, AXES = "t_s,ax,ay,az,gx,gy,gz", {"columns": ["gx", "gy", "gz"]}
+NUMBERED = "t_s,gyro[0],gyro[1],gyro[2],acc[0],acc[1],acc[2],linacc_x,linacc_y,linacc_z"
+THREE, STATED = "t,gx,gy,gz", "t_s,a_g,b_g,accel_z_g,gyro_x_deg_s,gyro_y_deg_s,gyro_z_deg_s"
+G, M_S2, RATES, BARE = (T, ACCEL), (T, 9.80665 * ACCEL), (T, GYRO), {"unit": "deg/s"}
+NINE = *RATES, M_S2[1], FREE
+READ = [  # header, columns, what is given -> kind and unit of the channels, in their order
+    ("t,a,norm,index", RATES, BARE | {"columns": ["norm", "index"]}, 2 * ["rate deg/s"]),
+    (COUNTS, (*G, GYRO), BARE | {"columns": ["gx", "gz"]}, 2 * ["rate deg/s"]),
+    (COUNTS, (*G, GYRO), BARE | {"kind": "rate"}, 3 * ["rate deg/s"]),
+    ("t,roll,pitch,yaw", RATES, {"unit": "deg"}, 3 * ["angle deg"]),
+    ("t,roll,pitch,yaw", RATES, BARE | {"columns": ["roll", "yaw"], "kind": "rate"},
+     2 * ["rate deg/s"]),
+    ("time,x,y,z", M_S2, BARE | {"kind": "rate"}, 3 * ["rate deg/s"]),
+    ("time,x,y,z", M_S2, {"unit": "accel=m/s^2"}, 3 * ["accel m/s^2"]),
+    (THREE, M_S2, AXES | {"kind": "accel", "unit": "m/s^2"}, 3 * ["accel m/s^2"]),
+    (THREE, M_S2, AXES | BARE | {"kind": "rate"}, 3 * ["rate deg/s"]),
+    (THREE, M_S2, {"unit": "gyro=deg/s"}, 3 * ["rate deg/s"]),
+    (NUMBERED, NINE, {"unit": "gyro=deg/s,accel=m/s^2"}, 3 * ["rate deg/s"] + 3 * ["accel m/s^2"]),
+    ("", (*RATES, ACCEL), {"unit": "gyro=deg/s,accel=g", "time": 1},
+     3 * ["rate deg/s"] + 3 * ["accel g"]),
+    ("", (*RATES, ACCEL), {"unit": "accel=g", "time": 1}, 3 * ["accel g"]),
+]  # fmt: skip
 
 
-def test_gyros_by_name_with_the_length_of_gravity_are_asked_about(tmp_path):
-    """Property: gx, gy, gz may be gravity; --kind settles it."""
-    path, three = write(tmp_path, "t,gx,gy,gz", T, 9.80665 * ACCEL), ["gx", "gy", "gz"]
-    with pytest.raises(WrongUsage, match=r"length of one g in m/s\^2: say --columns gx,gy,gz"):
-        logs.read(path, unit="deg/s")
-    for kind, unit in (("accel", "m/s^2"), ("rate", "deg/s")):
-        assert kinds(logs.read(path, columns=three, kind=kind, unit=unit)) == {kind}
-    assert kinds(logs.read(path, unit="gyro=deg/s")) == {"rate"}
-    counts = np.round(9.8 * GYRO / np.linalg.norm(GYRO, axis=1)[:, None])
-    refused(WrongUsage, "--scale gyro=1/131", logs.read, write(tmp_path, "t,gx,gy,gz", T, counts))
+@pytest.mark.parametrize(("header", "series", "options", "channels"), READ)
+def test_kinds_and_units_of_channels(tmp_path, header, series, options, channels):
+    """Property: names tell the kind, or a length of one g does, unless it is said.
 
-
-@pytest.mark.parametrize(("header", "options"), [
-    (COUNTS, {"unit": "gyro=deg/s,accel=g"}),
-    (COUNTS, {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131"}),
-    (COUNTS, {"unit": "deg/s", "columns": ["gx", "gy", "gz"]}),
-    ("t_s,a_g,b_g,accel_z_g,gyro_x_deg_s,gyro_y_deg_s,gyro_z_deg_s", {}),
-    ("", {"unit": "deg/s", "rate": 100, "columns": [5, 6, 7]})])  # fmt: skip
-def test_raw_counts_are_refused_without_a_scale(tmp_path, header, options):
-    """Property: whole numbers are no deg/s or g; the sentence shows the flag."""
-    asked = refused(WrongUsage, "raw counts", logs.read, write(tmp_path, header, *RAW), **options)
-    (flags,) = asked.flags
-    assert f"--scale {flags['--scale']}" in str(asked)
-    assert ("accel=1/16384" in flags["--scale"]) == ("columns" not in options)
+    What a name or its content would leave out can be asked for; a bare unit fits a log of one
+    kind, or columns of one kind.
+    """
+    log = logs.read(write(tmp_path, header, *series), **options)
+    assert [f"{c.kind} {c.unit}" for c in log.channels] == channels
+    if "columns" in options:
+        assert [c.name for c in log.channels] == options["columns"]
 
 
 def test_a_scale_turns_counts_into_the_unit(tmp_path):
@@ -200,18 +188,47 @@ def test_a_scale_turns_counts_into_the_unit(tmp_path):
     np.testing.assert_array_equal(bare.channels[0].values, 0.5 * RAW[2][:, 0])
 
 
-@pytest.mark.parametrize(("options", "words"), [
-    ({"unit": "gyros=deg/s"}, "kinds are gyro, accel, angle, position"),
-    ({"unit": "gyro=g"}, "g is a unit of accel, not of rate"),
-    ({"unit": "gyro=deg/s", "scale": "gyro=one"}, "write a number or a fraction"),
-    ({"unit": "gyro=deg/s", "scale": "gyro=1/0"}, "write a number or a fraction"),
-    ({"unit": "gyro=deg/s", "scale": "1/131"}, "--scale 1/131 is for channels of one kind"),
-    ({"unit": "position=m,gyro=deg/s"}, "--unit position= fits none"),
-    ({"unit": "gyro=deg/s", "time_unit": "min/h"}, "--time-unit min/h is not one of")])  # fmt: skip
-def test_faulty_units_and_scales_are_wrong_usage(tmp_path, options, words):
-    """Property: each fault in --unit, --scale and --time-unit is named."""
-    path = write(tmp_path, "t,ax,ay,az,gx,gy,gz", T, ACCEL, GYRO)
-    refused(WrongUsage, words, logs.read, path, **options)
+SIX_UNITS = {"unit": "gyro=deg/s,accel=g"}
+SIX_FLAGS = {"--unit": "gyro=deg/s,accel=g", "--scale": "gyro=1/131,accel=1/16384"}
+GYRO_FLAGS = {"--unit": "gyro=deg/s", "--scale": "gyro=1/131"}
+ASKED = [  # header, columns, what is given -> words of the refusal, flags that it offers
+    ("time,x,y,z", M_S2, BARE, "x, y, z: no unit is known; say --unit accel=m/s^2", None),
+    (THREE, M_S2, BARE, "length of one g in m/s^2: say --columns gx,gy,gz", None),
+    (THREE, (T, FALLING), {}, "--scale gyro=1/131", None),
+    (NUMBERED, NINE, {}, "--unit gyro=deg/s,accel=m/s^2", None),
+    ("t,gyro_x_deg_s", (1e6 * T, GYRO[:, 0]), {}, "--time-unit us", None),
+    ("", (*RATES, ACCEL), BARE | {"time": 1}, "for channels of one kind", None),
+    # Whole numbers are no deg/s or g.
+    (COUNTS, RAW, SIX_UNITS, "raw counts", [SIX_FLAGS]),
+    (COUNTS, RAW, SIX_UNITS | {"scale": "gyro=1/131"}, "raw counts", [SIX_FLAGS]),
+    (COUNTS, RAW, BARE | AXES, "raw counts", [GYRO_FLAGS]),
+    (STATED, RAW, {}, "raw counts", [{"--scale": "gyro=1/131,accel=1/16384"}]),
+    ("", RAW, BARE | {"rate": 100, "columns": [5, 6, 7]}, "raw counts", [GYRO_FLAGS]),
+    # Where every name has its unit, the command that works has no --unit.
+    ("t,accel_x_g,gyro_x_deg_s", (T, ACCEL[:, 0], GYRO[:, 0]), BARE, "leave out --unit",
+     [{"--unit": None}]),
+    # Where nothing tells deg/s from rad/s, there is a command for each.
+    *((header, series, {"columns": ["gx", "gy"]}, "--unit gyro=deg/s or --unit gyro=rad/s",
+       [{"--unit": "gyro=deg/s"}, {"--unit": "gyro=rad/s"}])
+      for header, series in ((THREE, RATES), (f"{THREE},accel_x_g", (*RATES, ACCEL[:, 0])))),
+    *((COUNTS, (*G, GYRO), options, words, None) for options, words in (
+        ({"unit": "gyros=deg/s"}, "kinds are gyro, accel, angle, position"),
+        ({"unit": "gyro=g"}, "g is a unit of accel, not of rate"),
+        ({"unit": "gyro=deg/s", "scale": "gyro=one"}, "write a number or a fraction"),
+        ({"unit": "gyro=deg/s", "scale": "gyro=1/0"}, "write a number or a fraction"),
+        ({"unit": "gyro=deg/s", "scale": "1/131"}, "--scale 1/131 is for channels of one kind"),
+        ({"unit": "position=m,gyro=deg/s"}, "--unit position= fits none"),
+        ({"unit": "gyro=deg/s", "time_unit": "min/h"}, "--time-unit min/h is not one of"))),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("header", "series", "options", "words", "flags"), ASKED)
+def test_what_cannot_be_told_is_asked_for(tmp_path, header, series, options, words, flags):
+    """Property: wrong usage; the sentence shows the flags that the next command needs."""
+    asked = refused(WrongUsage, None, logs.read, write(tmp_path, header, *series), **options)
+    assert words in str(asked) and flags in (None, list(asked.flags))
+    for flag, value in [item for offered in flags or () for item in offered.items()]:
+        assert f"{flag} {value or ''}".strip() in str(asked)
 
 
 # --- time, temperature, catalogue ----------------------------------------------------------------
@@ -220,9 +237,8 @@ def test_faulty_units_and_scales_are_wrong_usage(tmp_path, options, words):
 def test_the_unit_of_time_can_be_given(tmp_path):
     """Analytic: 100 Hz in microseconds without a name that says so."""
     path = write(tmp_path, "t,gyro_x_deg_s", 1e6 * T, GYRO[:, 0])
-    refused(WrongUsage, "--time-unit us", logs.read, path)
     assert logs.read(path, time_unit="us").rate_hz == pytest.approx(100)
-    path = write(tmp_path, "t,gyro_x_deg_s", T, GYRO[:, 0])
+    path = write(tmp_path, "t,gyro_x_deg_s", *GYRO_X)
     assert logs.read(path, time_unit="ms").rate_hz == pytest.approx(1e5)
     assert "(--time-unit overrules)" in logs.read(path).repairs[0]
 
@@ -235,13 +251,6 @@ def test_temperature_is_kept_in_degrees_celsius(tmp_path, name):
     assert found(log) == [("gyro_x", "deg/s")]
     np.testing.assert_allclose(log.temperature, 25 + T, atol=1e-6)  # nine decimals are printed
     assert any("kept as the temperature" in repair for repair in log.repairs)
-
-
-@pytest.mark.parametrize(("name", "value"), [("temp", -3000), ("temp_degF", 77), ("temp_K", 300)])
-def test_a_temperature_in_counts_or_another_unit_is_not_kept(tmp_path, name, value):
-    """Property: a number that no temperature has is left out, and said."""
-    log = logs.read(write(tmp_path, f"t_s,gyro_x_deg_s,{name}", T, GYRO[:, 0], np.full(N, value)))
-    assert log.temperature is None and f"{name} (a temperature)" in left_out(log)
 
 
 FLAGS = {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131,accel=1/16384", "time_unit": "us"}
@@ -309,16 +318,13 @@ def test_every_verb_reads_a_name_alike(means):
 
 def test_of_two_columns_of_a_meaning_the_plainer_one_counts(tmp_path):
     """Property: total before linear acceleration, a reading before its bias; positions too."""
-    t, rng = np.arange(300) / 100, np.random.default_rng(3)
-    table = pd.DataFrame({"time_s": t})
-    for k, axis in enumerate("xyz"):
-        table[f"linear_acceleration_{axis}_m_s2"] = 0.0
-        table[f"imu_gyro_bias_{axis}_rad_s"] = 9.0
-        table[f"imu_gyro_{axis}_rad_s"] = 0.1 * k
-        table[f"imu_acc_{axis}_m_s2"] = rng.normal(-9.81 * (k == 2), 0.01, len(t))
-    table["LOCATION Latitude :"], table["LOCATION Longitude :"] = 45 + 1e-6 * t, 7.0
-    table.to_csv(tmp_path / "my.csv", index=False)
-    ride = logs.read_moving([tmp_path / "my.csv"])
+    names = "linear_acceleration_{}_m_s2", "imu_gyro_bias_{}_rad_s", "imu_gyro_{}_rad_s"
+    names = [name.format(axis) for name in (*names, "imu_acc_{}_m_s2") for axis in "xyz"]
+    zeros, up = np.zeros((N, 3)), -9.80665 * ACCEL
+    at = "LOCATION Latitude :,LOCATION Longitude :", 45 + 1e-6 * T, np.full(N, 7)
+    readings = zeros, zeros + 9, np.tile([0.0, 0.1, 0.2], (N, 1)), up, *at[1:]
+    path = write(tmp_path, ",".join(["time_s", *names, at[0]]), T, *readings)
+    ride = logs.read_moving([path])
     np.testing.assert_allclose(ride.imu.gyro_b[0], [0.0, 0.1, 0.2])
     assert np.median(ride.imu.accel_b[:, 2]) < -9 and ride.gnss.lat_deg[0] == 45
 
@@ -346,50 +352,3 @@ def test_multiples_of_units(tmp_path, ends, factors):
     for channel, truth in zip(log.channels, np.hstack([GYRO, ACCEL]).T, strict=True):
         np.testing.assert_allclose(channel.values * known[channel.unit], truth, atol=1e-8)
     assert sum("turned into" in repair for repair in log.repairs) == 6
-
-
-def test_axes_by_number_and_accelerations_without_gravity(tmp_path):
-    """Property: acc[0..2] are one sensor; what has gravity taken off is no second one."""
-    header = "t_s,gyro[0],gyro[1],gyro[2],acc[0],acc[1],acc[2]" + 3 * ",linear acc {}"
-    free = ACCEL - [0.02, 0.01, 1.0]
-    path = write(tmp_path, header.format(*"xyz"), T, GYRO, 9.80665 * ACCEL, free)
-    refused(WrongUsage, "--unit gyro=deg/s,accel=m/s\\^2", logs.read, path)
-    log = logs.read(path, unit="gyro=deg/s,accel=m/s^2")
-    assert [c.unit for c in log.channels] == ["deg/s"] * 3 + ["m/s^2"] * 3
-    assert "accel with gravity taken off" in left_out(log)
-
-
-def test_a_bare_unit_beside_stated_ones_is_left_out(tmp_path):
-    """Property: where every name has its unit, the command that works has no --unit."""
-    path = write(tmp_path, "t,accel_x_g,gyro_x_deg_s", T, ACCEL[:, 0], GYRO[:, 0])
-    asked = refused(WrongUsage, "leave out --unit", logs.read, path, unit="deg/s")
-    assert asked.flags == ({"--unit": None},)
-
-
-@pytest.mark.parametrize("header", ["t,gx,gy,gz", "t,gx,gy,gz,accel_x_g"])
-def test_no_command_guesses_a_unit(tmp_path, header):
-    """Property: where nothing tells deg/s from rad/s, the message has a command for each."""
-    series = np.column_stack([GYRO, ACCEL[:, 0]])[:, : header.count(",")]
-    with pytest.raises(WrongUsage, match="--unit gyro=deg/s or --unit gyro=rad/s") as caught:
-        logs.read(write(tmp_path, header, T, series), columns=["gx", "gy"])
-    assert caught.value.flags == ({"--unit": "gyro=deg/s"}, {"--unit": "gyro=rad/s"})
-
-
-def test_a_drifting_gyro_is_no_clock():
-    """Property: a column that is named and has its unit is a reading, whatever its numbers."""
-    frame = pd.DataFrame({"gyro_x_deg_s": np.arange(100) / 10, "n": np.arange(100)})
-    chosen, (note,) = columns.choose(frame, "my.csv")
-    assert [c.name for c in chosen] == ["gyro_x"]
-    said = "columns left out: n (a counter: it steps by 1); --columns takes such a column"
-    assert note == f"{said} all the same"
-
-
-@pytest.mark.parametrize(("unit", "gyros"), [("gyro=deg/s,accel=g", ["rate"] * 3), ("accel=g", [])])
-def test_gravity_tells_accelerometers_among_columns_without_names(unit, gyros):
-    """property: three in a row of one g; a bare unit for all six is refused."""
-    turning = 0.1 * np.random.default_rng(0).normal(size=(64, 3))
-    frame = pd.DataFrame(np.hstack([turning, turning / 10 + [0, 0, 1]]))
-    frame.columns = [f"c{k}" for k in range(1, 7)]
-    chosen, _ = columns.choose(frame, "my.csv", unit=unit)
-    assert [c.kind for c in chosen] == gyros + ["accel"] * 3
-    refused(WrongUsage, "for channels of one kind", columns.choose, frame, "my.csv", unit="deg/s")

@@ -12,6 +12,7 @@ from studies import coverage
 from workbench.cli import main
 
 FITTED = ("sigma_v", "sigma_b", "corr_time", "drift")
+PAPERS = [*coverage.papers()]
 
 
 @pytest.fixture(scope="module")
@@ -20,46 +21,46 @@ def study():
     return store.coverage()
 
 
-@pytest.fixture
-def papers(study):
-    """Take the likelihood's rows of the papers' models at two and at six hours."""
-    told = study[(study["estimator"] == "likelihood") & study["hours"].isin([2, 6])]
-    return told[told["model"].isin(coverage.papers())]
+def rows_of(study, estimator, parameters, hours, models):
+    """Take rows of the study whose truth is finite."""
+    told = study[study["hours"].isin(hours) & study["model"].isin(models)]
+    told = told[(told["estimator"] == estimator) & told["parameter"].isin(parameters)]
+    return told[np.isfinite(told["truth"])]
 
 
 def test_the_study_is_the_one_that_the_command_makes(study):
     """property: every cell of the plan, with its number of logs, and no other."""
-    both = (study, coverage.plan()), (store.coverage("robustness"), coverage.broken_plan())
-    for table, plan in both:
+    broken = store.coverage("robustness"), coverage.broken_plan()
+    for table, plan in ((study, coverage.plan()), broken):
         cells = table.groupby(["model", "hours"])["runs"].max().to_dict()
         assert cells == {(name, h): n for name, h, n in plan}
 
 
-def test_intervals_hold_the_truth(papers):
+def test_intervals_hold_the_truth(study):
     """coverage: every parameter of all eight models in 93 to 97 % of 600 or 1000 logs, each."""
-    told = papers[papers["parameter"].isin(FITTED) & np.isfinite(papers["truth"])]
+    told = rows_of(study, "likelihood", FITTED, [2, 6], PAPERS)
     told, counts = told[told["covered"].notna()], dict(zip(FITTED, (16, 14, 14, 16), strict=True))
     assert told["parameter"].value_counts().to_dict() == counts and (told["logs"] >= 400).all()
     assert told["covered"].between(0.93, 0.97).all()
 
 
-@pytest.mark.parametrize(
-    ("estimator", "parameter", "hours", "models", "statistic", "low", "high"), [
-    ("likelihood", "sigma_v", (2, 6), [*coverage.papers()], "mean", 0.99, 1.01),
-    ("N+GM, unselected", "corr_time", (6,), [*coverage.papers()], "mean", 0.95, 1.05),
-    ("1/e", "corr_time", (2,), ["midg-roll"], "median", 0.0, 0.7),
-    ("likelihood", "drift", (2, 6), ["walk"], "covered", 0.92, 1.0),
-    ("likelihood", "bias_instability", (2, 6), ["terrain", "walk", "flicker"], "covered", 0.9, 1.0),
-    ("likelihood", "rrw", (2, 6), ["flicker"], "covered", 0.9, 1.0),
-    ("likelihood", "drift", (2, 6), ["weak-bias"], "covered", 0.9, 1.0)])  # fmt: skip
-def test_what_the_study_says(study, estimator, parameter, hours, models, statistic, low, high):
+BOTH, FLOORS = (2, 6), ["terrain", "walk", "flicker"]
+
+
+@pytest.mark.parametrize(("estimator", "parameter", "hours", "models", "statistic", "ends"), [
+    ("likelihood", "sigma_v", BOTH, PAPERS, "mean", (0.99, 1.01)),
+    ("N+GM, unselected", "corr_time", (6,), PAPERS, "mean", (0.95, 1.05)),
+    ("1/e", "corr_time", (2,), ["midg-roll"], "median", (0.0, 0.7)),
+    ("likelihood", "drift", BOTH, ["walk"], "covered", (0.92, 1.0)),
+    ("likelihood", "bias_instability", BOTH, FLOORS, "covered", (0.9, 1.0)),
+    ("likelihood", "rrw", BOTH, ["flicker"], "covered", (0.9, 1.0)),
+    ("likelihood", "drift", BOTH, ["weak-bias"], "covered", (0.9, 1.0))])  # fmt: skip
+def test_what_the_study_says(study, estimator, parameter, hours, models, statistic, ends):
     """published: N to 1 %, T_c at 6 h to 5 % where it is finite; the usual recipes are biased."""
-    told = study[study["hours"].isin(hours) & study["model"].isin(models)]
-    told = told[(told["estimator"] == estimator) & (told["parameter"] == parameter)]
-    told = told[np.isfinite(told["truth"])]
-    infinite = 1 if parameter == "corr_time" and len(models) > 1 else 0  # T_c of the KVH
+    told = rows_of(study, estimator, [parameter], hours, models)
+    infinite = parameter == "corr_time" and len(models) > 1  # T_c of the KVH
     assert len(told) == len(hours) * (len(models) - infinite)
-    assert told[statistic].between(low, high).all()
+    assert told[statistic].between(*ends).all()
 
 
 def test_some_logs_of_the_study_again(study):
@@ -68,23 +69,19 @@ def test_some_logs_of_the_study_again(study):
     Shares are compared with the binomial 99.9 % interval; sigma_v of a log lies within the
     width of the committed quantiles (four standard deviations) from the truth.
     """
-    name, runs, hours = "tokimec-yaw", 10, 2.0
-    model, dt, kind = coverage.models()[name]
-    rows = []
-    for k, stream in enumerate(coverage.streams(name, runs + 1)[1:], start=1):
-        rows += coverage.estimate((k, stream), model=model, dt=dt, kind=kind, hours=hours)
-    now = coverage.summary(pd.DataFrame(rows)).set_index(["estimator", "parameter"])
-    was = study[(study["model"] == name) & (study["hours"] == hours)]
-    was = was.set_index(["estimator", "parameter"])
-    for parameter in FITTED:
-        new, old = now.loc[("likelihood", parameter)], was.loc[("likelihood", parameter)]
-        assert new["truth"] == pytest.approx(old["truth"], rel=1e-5)  # five digits are stored
-        for share in ("covered", "resolved"):
-            low, high = binom.interval(0.999, runs, old[share])
-            assert low <= runs * new[share] <= high, (parameter, share)
-    sigma_v, stored = (t.loc[("likelihood", "sigma_v")] for t in (now, was))
-    width = stored["q975"] - stored["q025"]
-    assert abs(sigma_v["q025"] - 1) < width and abs(sigma_v["q975"] - 1) < width
+    name, runs = "tokimec-yaw", 10
+    of = dict(zip(("model", "dt", "kind"), coverage.models()[name], strict=True))
+    streams = [*enumerate(coverage.streams(name, runs + 1))][1:]
+    rows = [row for one in streams for row in coverage.estimate(one, **of, hours=2.0)]
+    was = study[(study["model"] == name) & (study["hours"] == 2.0)]
+    now, was = (table[table["estimator"] == "likelihood"].set_index("parameter").loc[[*FITTED]]
+                for table in (coverage.summary(pd.DataFrame(rows)), was))  # fmt: skip
+    np.testing.assert_allclose(now["truth"], was["truth"], rtol=1e-5)  # five digits are stored
+    for share in ("covered", "resolved"):
+        low, high = binom.interval(0.999, runs, was[share])
+        assert ((low <= runs * now[share]) & (runs * now[share] <= high)).all(), share
+    width = was["q975"]["sigma_v"] - was["q025"]["sigma_v"]
+    assert (abs(now.loc["sigma_v", ["q025", "q975"]] - 1) < width).all()
 
 
 @pytest.mark.parametrize("arguments", [
@@ -104,7 +101,7 @@ def test_wrong_usage(arguments, tmp_path, capsys):
 def test_what_breaks_a_log_is_what_is_said():
     """property: each disturbance has its size, beside the same noise of the same sensor."""
     dt, n = 0.1, 72000
-    t, name, still = dt * np.arange(n), "walk", np.zeros(n)
+    t, still = dt * np.arange(n), np.zeros(n)
     done = {k: disturb for k, (_, disturb) in coverage.disturbances(0.01, 0.06).items()}
     done = {k: of(still, t, np.random.default_rng(1)) for k, of in done.items() if k[:3] != "low"}
     assert not done["nothing"].any()
@@ -126,10 +123,9 @@ def test_what_breaks_a_log_is_what_is_said():
     assert set(np.abs(done["popcorn"])) == {0.02}
     assert 10 <= (np.diff(done["popcorn"]) != 0).sum() <= 40  # 24 on average
     assert np.ptp(done["thermostat"]) == pytest.approx(0.03, rel=0.01)
-    cells = [f"{name}+{what}" for what in ("nothing", "cycle")]
-    rngs = [np.random.default_rng(coverage.streams(cell, 2)[1]) for cell in cells]
-    models = [coverage.broken()[cell][0] for cell in cells]
-    control, moved = (m.simulate(n, dt, rng) for m, rng in zip(models, rngs, strict=True))
+    streams = {cell: coverage.streams(cell, 2)[1] for cell in ("walk+nothing", "walk+cycle")}
+    control, moved = (coverage.broken()[cell][0].simulate(n, dt, np.random.default_rng(stream))
+                      for cell, stream in streams.items())  # fmt: skip
     assert np.ptp(moved - control) == pytest.approx(0.06, rel=1e-3)
 
 
@@ -155,14 +151,15 @@ def test_truths_of_a_sensor():
 
 def test_summary_of_broken_logs_counts():
     """analytic: five logs, one refused, two wrong and said, one wrong and not said, one right."""
-    rows = pd.DataFrame({"run": range(5), "parameter": "arw", "truth": 1.0})
-    rows["value"], rows["low"] = [np.nan, 2.0, 0.5, 3.0, 1.1], [np.nan, 1.9, 0.4, 2.9, 0.9]
-    rows["high"], rows["warned"] = [1.5, 2.1, 0.6, 3.1, 1.2], [True, True, True, False, False]
+    rows = pd.DataFrame({
+        "run": range(5), "parameter": "arw", "truth": 1.0, "value": [np.nan, 2.0, 0.5, 3.0, 1.1],
+        "low": [np.nan, 1.9, 0.4, 2.9, 0.9], "high": [1.5, 2.1, 0.6, 3.1, 1.2],
+        "warned": [True, True, True, False, False],
+    })  # fmt: skip
     (counted,) = coverage.broken_summary(rows).to_dict("records")
-    assert np.isnan(counted.pop("first"))
-    assert counted == {
-        "parameter": "arw", "truth": 1.0, "runs": 5, "resolved": 0.8, "wrong": 0.6, "unsaid": 0.2
-    }  # fmt: skip
+    said = {"parameter": "arw", "truth": 1.0, "runs": 5}
+    said |= {"resolved": 0.8, "wrong": 0.6, "unsaid": 0.2}
+    assert np.isnan(counted.pop("first")) and counted == said
 
 
 @pytest.mark.parametrize("name", ["walk+step-10", "flicker+nothing"])

@@ -34,17 +34,11 @@ def test_committed_raw_logs_are_the_registered_ones():
     assert [p.name for p in (DATA / "raw").iterdir()] == ["gpsd"]
 
 
-@pytest.fixture
-def copy(tmp_path, monkeypatch):
-    """Copy a raw log into the folder that COMPENDIUM_DATA names."""
-    (tmp_path / "gpsd-logs").mkdir()
-    shutil.copy(datasets.path(NAME), tmp_path / NAME)
-    monkeypatch.setenv(datasets.FOLDER_VARIABLE, str(tmp_path))
-    return tmp_path / NAME
-
-
-def test_the_folder_variable_comes_first_and_other_bytes_are_refused(copy):
+def test_the_folder_variable_comes_first_and_other_bytes_are_refused(tmp_path, monkeypatch):
     """Property: it wins over what is committed; a byte changed after a first look is found."""
+    (copy := tmp_path / NAME).parent.mkdir()
+    shutil.copy(datasets.path(NAME), copy)
+    monkeypatch.setenv(datasets.FOLDER_VARIABLE, str(tmp_path))
     assert datasets.available(NAME) and datasets.path(NAME) == copy
     copy.write_bytes(copy.read_bytes()[:-1] + b"?")
     assert not datasets.available(NAME)
@@ -54,9 +48,8 @@ def test_the_folder_variable_comes_first_and_other_bytes_are_refused(copy):
 RAW = "adis16405-static/adis_16405_imu1.rda"
 
 
-@pytest.mark.parametrize(
-    ("ask", "name", "file"), [(datasets.path, AWAY, AWAY), (read, "adis16405", RAW)]
-)
+@pytest.mark.parametrize(("ask", "name", "file"), [
+    (datasets.path, AWAY, AWAY), (read, "adis16405", RAW)])  # fmt: skip
 def test_an_absent_file_says_the_three_ways_to_get_it(ask, name, file):
     """Property: one sentence with the variable, the command and the address; a stanza's too."""
     assert not datasets.available(file)
@@ -116,10 +109,9 @@ def test_a_large_set_keeps_the_sha256_of_its_first_use(tmp_path, monkeypatch):
     assert read(file, columns=["c1"], unit="rad/s", rate=100).samples == 300
 
 
-@pytest.mark.parametrize(
-    ("error", "words"),
-    [(ConnectionError("no route"), "check the connection"), (ValueError("hash"), "sha256")],
-)
+@pytest.mark.parametrize(("error", "words"), [
+    (ConnectionError("no route"), "check the connection"), (ValueError("hash"), "sha256")
+])  # fmt: skip
 def test_a_failed_download_is_one_sentence(monkeypatch, error, words):
     """Property: no connection, or other bytes: said plainly, and nothing is left behind."""
     monkeypatch.setattr(pooch, "retrieve", Mock(side_effect=error))

@@ -39,7 +39,8 @@ def test_what_is_neither_spike_nor_stuck_nor_the_end_of_a_range():
     """
     white, at = rng().standard_normal(N), np.arange(N)
     step, loud = white + 100.0 * (at > N // 3), white * np.where(at // (N // 10) == 4, 8, 1)
-    for y in (step, loud, np.round(white), np.round(2 * white), np.repeat(white[: N // 20], 20)):
+    held = np.repeat(white[: N // 20], 20)
+    for y in (step, loud, np.round(white), np.round(2 * white), held):
         assert not spikes(y, DT)[0].any()
     for step in (0.3, 1.0, 1.5, 3.0, 10.0):
         y = np.round((white + 0.3) / step) * step
@@ -56,13 +57,12 @@ def test_few_gaussian_logs_are_flagged():
     so that chance gives more than 4 in 1 of 10,000 tries.
     """
     flagged = 0
-    for k in range(40):
-        r = rng(k)
+    for r in map(rng, range(40)):
         slow = UnifiedModel(0.1, 200.0, 0.05).simulate(N, DT, r)
-        white = 0.06 * r.standard_normal(N)
-        walk = white + 6.5e-4 * np.sqrt(DT) * np.cumsum(r.standard_normal(N))
-        logs = [(slow, 0.1), (walk, 0.06), (walk + flicker_noise(N, DT, 0.01, r), 0.06)]
-        logs.append((np.round(slow, 1), 0.1))
+        white, steps = r.standard_normal((2, N))
+        walk = 0.06 * white + 6.5e-4 * np.sqrt(DT) * np.cumsum(steps)
+        logs = (slow, 0.1), (np.round(slow, 1), 0.1), (walk, 0.06)
+        logs += ((walk + flicker_noise(N, DT, 0.01, r), 0.06),)
         flagged += sum(bool(spikes(y, DT)[1] + uneven(y, DT, 1, s)) for y, s in logs)
     assert flagged <= 4
 
@@ -108,10 +108,9 @@ def test_a_line_is_left_out_as_far_as_it_leaks():
         np.testing.assert_allclose(bins.mean(axis=1), [k - 1, k, k + 1] if told else 5.2 * k)
         wide[ratio] = np.ptp(bins, axis=1) / 2
         for d in told:  # of 258 bins those strictly inside
-            numbers = {"frequency": k / size / step, "ratio": ratio}
-            numbers["share"] = (np.ceil(bins.max()) - np.floor(bins.min()) - 1) / 258
-            ends = d.start_s, d.end_s
-            assert (d.note, *ends) == (said("oscillation", **numbers), 0.0, (len(at) + 1) * step)
+            share = (np.ceil(bins.max()) - np.floor(bins.min()) - 1) / 258
+            note = said("oscillation", frequency=k / size / step, ratio=ratio, share=share)
+            assert (d.note, d.start_s, d.end_s) == (note, 0.0, (len(at) + 1) * step)
     np.testing.assert_allclose(wide[5.1], 4.5)  # a bin and a half, three times
     np.testing.assert_allclose(wide[1e5], np.array([19, 20, 21]) / 2)  # an octave down at most
     # Of the log, 32 times as long, the line has 32 times the ratio: 1 / (pi k)^2 of it is 1 / 100.
@@ -183,20 +182,15 @@ def test_how_many_spikes_there_may_be_and_how_near():
 
 def test_how_long_a_reading_may_stay():
     """analytic: more than 10 samples, and twice the longest run of 99 logs in 100."""
-    for length, found in ((10, 0), (11, 11)):
-        y = QUIET.copy()
-        y[700 : 700 + length] = y[700]
-        marked, told = stuck(y, DT)
-        assert marked.sum() == found and len(told) == bool(found)
     # 0 1 0 1 1: a quarter of the runs is longer than one sample, and 2 ln(n / 0.01) / ln 4 = 19.02.
-    for length, found in ((19, 0), (20, 20)):
-        y = np.tile([0.0, 1.0, 0.0, 1.0, 1.0], 1060)
-        y = np.concatenate([y[:1000], np.full(length, 0.0), y[1001:]])
-        marked, told = stuck(y, DT)
+    held = np.tile([0.0, 1.0, 0.0, 1.0, 1.0], 1060)
+    for y, length, found in ((QUIET, 10, 0), (QUIET, 11, 11), (held, 19, 0), (held, 20, 20)):
+        marked, told = stuck(np.r_[y[:1000], np.full(length, y[1000]), y[1001:]], DT)
         assert np.flatnonzero(marked).tolist() == [*range(1000, 1000 + found)]
+        assert len(told) == bool(found)
         for d in told:
-            assert (d.start_s, d.end_s) == pytest.approx((100.0, 101.9))
-            assert d.note == said("stuck", total=2.0, at=100.0)
+            assert (d.start_s, d.end_s) == pytest.approx((100.0, 100 + 0.1 * (found - 1)))
+            assert d.note == said("stuck", total=0.1 * found, at=100.0)
     assert not stuck(np.zeros(50), DT)[0].any() and not stuck(np.zeros(0), DT)[0].any()
 
 
@@ -204,39 +198,31 @@ def test_few_levels_and_piles_by_their_counts():
     """known case: fewer than 12 levels, most at one; a pile of 28 runs beside one of the next."""
     for most, found in ((10, True), (11, False)):
         y = np.append(np.zeros(10_000), np.arange(most + 1.0))
-        told = rules.resolution(y, DT)
-        assert [d.affects for d in told] == [(*WHITE, *SLOW)] * found
-        assert all(d.note == said("resolution", ratio=1 / y.std()) for d in told)
-    for runs, found in ((27, False), (28, True)):  # runs - 1 > 5 sqrt(runs + 1)
-        for sign in (1, -1):
-            y = np.linspace(0, 1, 900)
-            y[10 : 10 + 4 * runs : 4], y[800] = 3.0, 2.0
-            told = saturation(sign * y, DT)
-            assert len(told) == found
-            for d in told:
-                share = runs / 900
-                cut = norm.isf(share)
-                left = np.sqrt(norm.expect(lambda x, c=cut: np.minimum(x, c) ** 2)
-                               - norm.expect(lambda x, c=cut: np.minimum(x, c)) ** 2)  # fmt: skip
-                assert d.note == said("saturation", share=share, left=left)
-                assert d.affects == (*WHITE, *SIZES) and d.bounds == (1.0, None)
-                assert (d.start_s, d.end_s) == (0.0, pytest.approx(90.0))
+        told = [(d.affects, d.note) for d in rules.resolution(y, DT)]
+        assert told == [((*WHITE, *SLOW), said("resolution", ratio=1 / y.std()))] * found
+    cut = norm.isf(28 / 900)
+    mean, square = (norm.expect(lambda x, p=p: np.minimum(x, cut) ** p) for p in (1, 2))
+    note = said("saturation", share=28 / 900, left=np.sqrt(square - mean**2))
+    for runs, sign in ((27, 1), (27, -1), (28, 1), (28, -1)):  # runs - 1 > 5 sqrt(runs + 1)
+        y = np.linspace(0, 1, 900)
+        y[10 : 10 + 4 * runs : 4], y[800] = 3.0, 2.0
+        told = [(d.note, d.affects, d.bounds, d.start_s, d.end_s) for d in saturation(sign * y, DT)]
+        of_log = note, (*WHITE, *SIZES), (1.0, None), 0.0, pytest.approx(90.0)
+        assert told == [of_log] * (runs == 28)
 
 
 def test_a_gap_is_longer_than_chance_makes_it():
     """analytic: ln(n / 0.01) / -ln(share lost) is the run that one log in 100 exceeds."""
-    for singles, gap in ((18, True), (19, False)):  # of 1000, beside a run of three
-        y = np.zeros(1000)
-        y[100:103] = y[200 : 200 + 10 * singles : 10] = np.nan
-        told, numbers = rules.missing(y, DT), {"total": 0.3, "longest": 0.3, "at": 10.0}
-        assert (said("gap", **numbers) in told[0].note) == gap == (len(told) == 2)
-        lost = singles if gap else singles + 3
-        assert told[-1].note == said("lost", samples=lost, share=lost / 1000)
-        assert not any(d.affects for d in told)
-        ends = (20.0 if gap else 10.0, 20.0 + singles - 0.9)
-        assert (told[-1].start_s, told[-1].end_s) == pytest.approx(ends)
     y = np.zeros(1000)
     assert rules.missing(y, DT) == rules.missing(np.full(9, np.nan), DT) == []
+    for singles, lost, begin in ((18, 18, 20.0), (19, 22, 10.0)):  # of 1000, beside a run of three
+        y[100:103] = y[200 : 200 + 10 * singles : 10] = np.nan
+        told, gap = rules.missing(y, DT), said("gap", total=0.3, longest=0.3, at=10.0)
+        assert (gap in told[0].note) == (lost == 18) == (len(told) == 2)
+        assert told[-1].note == said("lost", samples=lost, share=lost / 1000)
+        assert not any(d.affects for d in told)
+        assert (told[-1].start_s, told[-1].end_s) == pytest.approx((begin, 20.0 + singles - 0.9))
+    y = np.zeros(1000)
     y[100:105] = y[300:306] = np.nan
     (gaps,) = rules.missing(y, DT)
     assert gaps.note == said("gaps", count=2, total=1.1, longest=0.6, at=30.0)
@@ -342,16 +328,16 @@ def test_estimates_are_adjusted_by_what_affects_them():
     for ends in ((0.5, None), (None, 2.0)):  # an open side stays open
         half = Estimate(1.0, *ends, "m")
         assert adjusted(half, "arw", two) == half
-    plain = Estimate(2.0, 1.0, 3.0, "m", note="own")
-    for bounds in ((0.5, None), (None, 3.0), (None, None)):
-        ends = tuple(bound and 2 * bound for bound in bounds)  # of a value of 2
-        e = adjusted(plain, "arw", [Disturbance("x", 0, 1, "why", ("arw",), bounds=bounds)])
-        assert (e.value, e.low, e.high, e.note) == (None, *ends, "own; why") and not e.resolved
-    assert adjusted(plain, "rrw", [Disturbance("x", 0, 1, "why", ("arw",))]) == plain
+    own = Estimate(2.0, 1.0, 3.0, "m", note="own")
     refused = Estimate.refused("m", "own", low=1.0, high=3.0)
-    for bounds, high in (((1.0, None), None), ((0.5, 2.0), 3.0), ((None, 2.0), 3.0)):
-        e = adjusted(refused, "arw", [Disturbance("x", 0, 1, "why", ("arw",), bounds=bounds)])
-        assert (e.value, e.low, e.high) == (None, 1.0, high)
+    for given, bounds, told in (  # of a value of 2
+        (own, (0.5, None), (1.0, None, "own; why")), (own, (None, 3.0), (None, 6.0, "own; why")),
+        (own, (None, None), (None, None, "own; why")), (refused, (0.5, 2.0), (1.0, 3.0, "own")),
+        (refused, (1.0, None), (1.0, None, "own; why")), (refused, (None, 2.0), (1.0, 3.0, "own")),
+    ):  # fmt: skip
+        e = adjusted(given, "arw", [Disturbance("x", 0, 1, "why", ("arw",), bounds=bounds)])
+        assert (e.value, e.low, e.high, e.note) == (None, *told) and not e.resolved
+    assert adjusted(own, "rrw", [Disturbance("x", 0, 1, "why", ("arw",))]) == own
     told = Disturbance("x", 1.23456, 2.34567, "why", ("arw",)).summary()
     assert told == {"kind": "x", "from": 1.235, "to": 2.346, "affects": ["arw"], "note": "why"}
 
@@ -392,13 +378,11 @@ LEVELS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("kind", "named", "resolved"),
-    [("normal", set(), True), ("t3", {"heavy_tails"}, True), ("t5", {"heavy_tails"}, True),
-     ("t2", {"heavy_tails"}, False), ("contaminated", {"heavy_tails"}, True),
-     ("doubled", {"noise_level"}, False), ("rise", {"noise_level"}, True),
-     ("loud", {"noise_level"}, False)],
-)  # fmt: skip
+@pytest.mark.parametrize(("kind", "named", "resolved"), [
+    ("normal", set(), True), ("t3", {"heavy_tails"}, True), ("t5", {"heavy_tails"}, True),
+    ("t2", {"heavy_tails"}, False), ("contaminated", {"heavy_tails"}, True),
+    ("doubled", {"noise_level"}, False), ("rise", {"noise_level"}, True),
+    ("loud", {"noise_level"}, False)])  # fmt: skip
 def test_uneven_noise_holds_or_is_refused(kind, named, resolved):
     """property: each disturbance is named, and the interval holds the root mean square or N is
     refused with a bound that does.

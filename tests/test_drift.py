@@ -18,17 +18,15 @@ def fitted(y, chosen, *models):
     return likelihood, fits, fits[chosen]
 
 
-@pytest.mark.parametrize(
-    ("logs", "walk", "lost", "chosen", "other"),
-    [(50, 0.1, 0, "N+K", "N+GM"), (50, 0.0, 0, "N", "N+K"), (10, 0.0, 200, "N", "N+K")],
-)
+@pytest.mark.parametrize(("logs", "walk", "lost", "chosen", "other"), [
+    (50, 0.1, 0, "N+K", "N+GM"), (50, 0.0, 0, "N", "N+K"), (10, 0.0, 200, "N", "N+K")])  # fmt: skip
 def test_the_interval_of_a_drift_holds_it(logs, walk, lost, chosen, other):
     """coverage: beside a random walk; of white noise, with a gap too, it is that of least squares.
 
     50 logs say no more than that 85 % hold; notebook 13 has the study.
     """
-    found, t = [], np.arange(1000)
-    t = np.where((t >= 400) & (t < 400 + lost), np.nan, t)
+    found, t = [], np.arange(1000.0)
+    t[400 : 400 + lost] = np.nan
     for k in range(logs):
         rng = np.random.default_rng([7, k])
         y = rng.standard_normal(1000) + walk * np.cumsum(rng.standard_normal(1000)) + DRIFT * t

@@ -4,8 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import WrongUsage, store
-from analysis.claims import FEWEST_LOGS
+from analysis import WrongUsage, claims, store
 from studies import ensembles
 
 LIVE = {"midg-roll": 1, "kvh-yaw": 1, "cep-midg": 5, "terrain-bias": 2, "terrain-recipe": 2}
@@ -27,7 +26,7 @@ def test_every_quantity_of_a_verdict_has_200_logs():
     source, tables = store.read("ensembles")
     assert set(tables) == set(ensembles.subjects()) == set(source["logs"])
     for name, (_, logs) in ensembles.subjects().items():
-        assert logs >= FEWEST_LOGS or name == "terrain-fitted"  # a comparison, no verdict
+        assert logs >= claims.FEWEST_LOGS or name == "terrain-fitted"  # a comparison, no verdict
         assert (tables[name].groupby("quantity")["log"].nunique() == logs).all(), name
         assert not tables[name].duplicated(["quantity", "log"]).any()
 

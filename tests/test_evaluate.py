@@ -11,7 +11,6 @@ from analysis import store
 from analysis.tracker import evaluate, scenarios
 from analysis.tracker.at_rest import LowPass
 from analysis.tracker.device import Options
-from analysis.tracker.evaluate import outage_errors
 from analysis.tracker.last_position import GATE_ALONE, Frame, Stored
 from analysis.tracker.log_replay import replay
 from sensorlogs import datasets, moving
@@ -89,7 +88,7 @@ def test_the_ellipse_of_an_outage():
     gnss = Gnss(t, 45.0 * same, 179.99999 * same, same, pdop, same, same, t != 7)
     told = {"metres_per_pdop": 2.0, "sigma_no_pdop": 1.5}
     track = SimpleNamespace(columns=columns, summary={"options": told})
-    row, beyond = outage_errors(track, gnss, [(2.0, 20.0), (100.0, 110.0)])
+    row, beyond = evaluate.outage_errors(track, gnss, [(2.0, 20.0), (100.0, 110.0)])
     far = np.hypot(*off[:, np.setdiff1d(np.arange(2, 20), 7)])
     names = "fixes", "p50_m", "p95_m", "max_m", "end_m"
     known = 17, *np.quantile(far, [0.5, 0.95]), far.max(), far[-1]

@@ -1,6 +1,5 @@
 """Reading a log: what is read, what is repaired and said, what is refused and how."""
 
-import datetime
 import gzip
 import os
 import re
@@ -10,7 +9,7 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
-from refused import refused
+from refused import refused, where_here
 from scipy.spatial.transform import Rotation
 
 import sensorlogs as logs
@@ -55,11 +54,6 @@ def read(folder, rows, header=HEADER, **given):
     return logs.read(write(folder, rows, header), **given)
 
 
-def needs(name):
-    """Skip a test where a raw log is not on this machine."""
-    return pytest.mark.skipif(not datasets.available(name), reason=f"{name} is not here")
-
-
 # --- one log, many spellings ---------------------------------------------------------------------
 
 SPELLINGS = {
@@ -67,12 +61,14 @@ SPELLINGS = {
     "old mac newlines": lambda s: s.replace("\n", "\r"),
     "byte order mark": lambda s: b"\xef\xbb\xbf" + s.encode(),
     "utf-16": lambda s: s.encode("utf-16"),
-    "gzip": lambda s: gzip.compress(s.encode()),
     "blanks": lambda s: s.replace(",", "   "),
     "quoted": lambda s: s.replace(",", '","').replace("\n", '"\n"').join('""')[:-2],
     "blank lines at the end": lambda s: s + "\n" * 3000,
     "comments": lambda s: "# a logger\n# of ours\n" + s + "# the end\n",
     "names in a comment": lambda s: "#" + s,
+    # One text by itself is no header, and the header below it no row of units.
+    **{f"{title} above": lambda s, title=title: f"{title}\n" + s.replace(",", ";")
+       for title in ("sep=;", "Sensor log v1.2", "Sensor log\n\nunit A")},
     "a delimiter too many": lambda s: s.replace("\n", ",\n"),
     "a row of units": lambda s: s.replace(HEADER, "t,gyro_x,gyro_y\ns,deg/s,deg/s"),
     "units of two in brackets": lambda s: s.replace(HEADER, "t,gyro_x,gyro_y\n,[deg/s],[deg/s]"),
@@ -132,43 +128,44 @@ def test_angles_are_unwrapped(tmp_path, unit, period):
 # --- repairs are stated --------------------------------------------------------------------------
 
 
-def test_missing_cells_are_stated_and_stay_missing(tmp_path):
-    """Property: NaN, empty and absurd cells are missing, with the line of the first."""
-    rows = lines()
-    for row, text in ((10, "nan"), (11, ""), (12, "-1e300")):
-        rows = replaced(rows, row, 1, text)
-    log = read(tmp_path, rows)
-    assert (missing(log), missing(log, 1)) == ([10, 11, 12], [])
-    said = "values are missing or beyond 1e9: 3 of 200 in gyro_x_deg_s, first in line 12"
-    assert log.repairs == (f"my.csv: {said}",)
+MARKED = [(10, 1), (50, 1), (51, 1)]
+MISSING = {  # cells that are written -> the rows that lack the first and the second, what is said
+    "NaN, empty and absurd": (
+        {(10, 1): "nan", (11, 1): "", (12, 1): "-1e300"}, [10, 11, 12], [],
+        "^my.csv: values are missing or beyond 1e9: 3 of 200 in gyro_x_deg_s, first in line 12$"),
+    **{mark: (dict.fromkeys(MARKED, mark), [10, 50, 51], [],
+              rf"values are missing or a mark for it \({mark.removesuffix('.0')}, ")
+       for mark in ("-9999", "999.0", "-32768")},
+    "a knock": ({(50, 1): "-900", (51, 1): "-800"}, [], [], ""),
+    "two columns": (  # that lack values for one reason stand together
+        {(10, 1): "", (20, 1): "", (20, 2): ""}, [10, 20], [20],
+        "^my.csv: values are missing: 2 of 200 in gyro_x_deg_s, first in line 12; "
+        "1 of 200 in gyro_y_deg_s, first in line 22$"),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("mark", ["-9999", "999.0", "-32768"])
-def test_a_value_that_returns_far_from_all_others_is_missing(tmp_path, mark):
-    """Property: a logger's mark for no reading is missing, but a knock or a coarse step is not."""
-    rows = lines()
-    for row in (10, 50, 51):
-        rows = replaced(rows, row, 1, mark)
+@pytest.mark.parametrize("case", MISSING)
+def test_missing_cells_are_stated_and_stay_missing(tmp_path, case):
+    """Property: NaN, empty and absurd cells are missing, with the line of the first.
+
+    So is a value that returns far from all others, a logger's mark for no reading; a knock is not.
+    """
+    (cells, *gone, said), rows = MISSING[case], lines()
+    for (row, column), text in cells.items():
+        rows = replaced(rows, row, column, text)
     log = read(tmp_path, rows)
-    assert (missing(log), missing(log, 1)) == ([10, 50, 51], [])
-    assert f"values are missing or a mark for it ({mark.removesuffix('.0')}, " in log.repairs[0]
-    knock = replaced(replaced(rows, 50, 1, "-900"), 51, 1, "-800")
+    assert [missing(log), missing(log, 1)] == gone and len(log.repairs) == bool(said)
+    assert re.search(said, "".join(log.repairs))
+
+
+def test_a_coarse_step_is_not_missing(tmp_path):
+    """Property: a value that returns far from all others, but in one of nine samples, is none."""
     coarse = [f"{k / 100:.2f},{0 if k % 9 else 500},{k % 2}" for k in range(200)]
-    assert all(np.isfinite(values(read(tmp_path, plain))).all() for plain in (knock, coarse))
+    assert np.isfinite(values(read(tmp_path, coarse))).all()
 
 
-def test_missing_values_of_many_columns_are_one_sentence(tmp_path):
-    """Property: columns that lack values for one reason stand together."""
-    rows = replaced(replaced(replaced(lines(), 10, 1, ""), 20, 1, ""), 20, 2, "")
-    (said,) = read(tmp_path, rows).repairs
-    parts = "2 of 200 in gyro_x_deg_s, first in line 12; 1 of 200 in gyro_y_deg_s, first in line 22"
-    assert said == f"my.csv: values are missing: {parts}"
-
-
-@pytest.mark.parametrize(
-    ("scatter", "lsb", "gone"),
-    [(0.02, 1e-6, 15), (0.02, 0.005, 15), (1.0, 1e-6, 9), (1.0, 0.5, 0)],
-)
+@pytest.mark.parametrize(("scatter", "lsb", "gone"), [
+    (0.02, 1e-6, 15), (0.02, 0.005, 15), (1.0, 1e-6, 9), (1.0, 0.5, 0)])  # fmt: skip
 def test_zeros_in_all_axes_at_once_are_missing(tmp_path, scatter, lsb, gone):
     """Property: where one axis is far from 0 or all are fine; coarse gyros, often at 0, stay."""
     rng = np.random.default_rng(5)
@@ -202,15 +199,6 @@ def test_what_is_no_row_at_the_end_is_dropped_and_stated(tmp_path, cut, said):
     assert said in log.repairs[0] and (",," in cut or log.repairs == (said,))
 
 
-def test_lines_are_counted_as_an_editor_counts(tmp_path):
-    """Property: comments, blank lines and CRLF count as lines."""
-    rows = replaced(lines(), 50, 2, "abc")
-    rows[20:20], rows[30:30] = [""], ["# note"]
-    path = tmp_path / "my.csv"
-    path.write_bytes(("# by a logger\r\n\r\n" + "\r\n".join([HEADER, *rows])).encode())
-    refused(CannotAnswer, r"my\.csv, line 56, column 'gyro_y_deg_s': 'abc'", logs.read, path)
-
-
 def test_a_name_that_stands_twice_is_stated(tmp_path):
     """Property: the second column of a name is left out and said to be; its number reads it."""
     path = write(tmp_path, lines(), "t_s,gyro_x_deg_s,gyro_x_deg_s")
@@ -222,15 +210,6 @@ def test_a_name_that_stands_twice_is_stated(tmp_path):
     both = logs.read(path, columns=[2, 3], unit="deg/s")
     assert len(both.channels) == 2 and both.repairs == ()
     refused(WrongUsage, r"\(column 3\): no unit is known", logs.read, path, columns=[2, 3])
-
-
-@pytest.mark.parametrize("title", ["sep=;", "Sensor log v1.2", "Sensor log\n\nunit A"])
-def test_a_title_above_the_header(tmp_path, title):
-    """Property: one text by itself is no header, and the header below it no row of units."""
-    rows = [line.replace(",", ";") for line in lines()]
-    log = read(tmp_path, rows, f"{title}\nt_s;gyro_x_deg_s;gyro_y_deg_s")
-    assert [c.name for c in log.channels] == ["gyro_x", "gyro_y"]
-    np.testing.assert_array_equal(log.channels[1].values, values(read(tmp_path, lines()))[1])
 
 
 @pytest.mark.parametrize("encoding", ["cp1252", "utf-8"])
@@ -299,10 +278,17 @@ BAD_USE = [  # what is given, header, rows and what is said; wrong usage
     ({}, "t_s,accel_z_m_s2", [",".join(row.split(",")[::3]) for row in GRAVITY],
      "accel_z | --unit g"),
 ]  # fmt: skip
+NOTED = replaced(lines(), 50, 2, "abc")
+NOTED[20:20], NOTED[30:30] = [""], ["# note"]
 BAD = [
     *((CannotAnswer, {}, HEADER, *case) for case in BAD_ROWS),
     (CannotAnswer, {"columns": ["ok"], "unit": "deg/s"}, f"{HEADER},ok",
      [f"{x},yes" for x in lines()], "line 2 | 'ok' | 'yes' | --columns"),
+    (CannotAnswer, {"columns": ["gyro_z"]}, f"{HEADER},gyro_z_deg_s", [f"{x}," for x in lines()],
+     "line 2, column 'gyro_z_deg_s': no value here"),
+    # Comments, blank lines and CRLF count as lines, as in an editor.
+    (CannotAnswer, {}, f"# by a logger\r\n\r\n{HEADER}\r", ["\r\n".join(NOTED)],
+     "line 56, column 'gyro_y_deg_s': 'abc'"),
     *((WrongUsage, *case) for case in BAD_USE),
 ]  # fmt: skip
 
@@ -356,8 +342,8 @@ def test_what_is_no_file_is_wrong_usage(tmp_path):
 
 def test_text_columns_and_delimiters_are_found_beforehand(tmp_path):
     """Property: the fast parser is told what the file looks like."""
-    moment = datetime.datetime(2024, 1, 1, 23, 59, 59, tzinfo=datetime.UTC)
-    rows = [f"{(moment + datetime.timedelta(seconds=i)).isoformat()};1,5;ok" for i in range(70)]
+    stamps = pd.date_range("2024-01-01T23:59:59Z", periods=70, freq="s")
+    rows = [f"{stamp.isoformat()};1,5;ok" for stamp in stamps]
     path = write(tmp_path, rows, header="time;gyro_x_deg_s;state")
     found = delimited.sniff(path)
     assert (found.delimiter, found.decimal, found.text) == (";", ",", {"time", "state"})
@@ -380,9 +366,8 @@ def test_committed_receiver_logs_are_read(file):
     assert b"RMC" in line or b"GGA" in line
 
 
-@pytest.mark.parametrize(
-    ("axis", "name", "sign"), [("y", "roll", 1), ("x", "pitch", 1), ("z", "yaw", -1)]
-)
+@pytest.mark.parametrize(("axis", "name", "sign"), [
+    ("y", "roll", 1), ("x", "pitch", 1), ("z", "yaw", -1)])  # fmt: skip
 def test_small_rotations_have_the_documented_signs(axis, name, sign):
     """Analytic: a device upright at -90 deg of pitch, turned by 1 deg about each of its axes."""
     upright = Rotation.from_euler("x", 90, degrees=True)
@@ -402,13 +387,10 @@ def test_small_rotations_have_the_documented_signs(axis, name, sign):
 
 def test_every_stanza_names_registered_data_and_its_licence():
     """Property: file, licence and source of each stanza agree with the registry."""
-    for name, stanza in catalogue.load_catalogue().items():
-        if stanza["own"]:
-            continue
+    for stanza in (s for s in catalogue.load_catalogue().values() if not s["own"]):
         entry = datasets.dataset(stanza["file"])
-        assert stanza["licence"] == entry.licence, name
-        assert entry.repository in stanza["source"], name
-        assert stanza["title"]
+        assert stanza["licence"] == entry.licence and stanza["title"], stanza
+        assert entry.repository in stanza["source"], stanza
 
 
 def test_own_logs_join_the_catalogue(tmp_path, monkeypatch):
@@ -448,11 +430,10 @@ def test_the_committed_static_receiver_log():
     assert np.percentile(np.hypot(north, east), 95) == pytest.approx(2.2, abs=0.05)
 
 
-@needs("adis16405-static/adis_16405_imu1.rda")
 def test_adis16405_is_a_million_rows_in_steps_of_its_lsb():
     """Published: 1,000,000 x 6 at 100 Hz, gyro LSB 0.05 deg/s; accel Z of -1 g passes as g."""
     with warnings.catch_warnings(action="error"):
-        log = logs.read("adis16405")
+        log = where_here(logs.read, "adis16405")
     assert (log.samples, log.rate_hz, log.duration_s) == (1_000_000, 100, 10_000)
     assert [c.unit for c in log.channels] == ["deg/s"] * 3 + ["g"] * 3
     steps = log.channels[0].values / 0.05
@@ -461,10 +442,9 @@ def test_adis16405_is_a_million_rows_in_steps_of_its_lsb():
     refused(WrongUsage, "closest: 'gyro_z'", logs.read, "adis16405", columns=["gyro_w"])
 
 
-@needs("mpu6050-static/mpu6050_gyroscope.mat")
 def test_mpu6050_says_what_its_stamps_do():
     """Published: mean rate 99.3 Hz, median step 2 ms, longest 0.5 s."""
-    log = logs.read("mpu6050-gyro")
+    log = where_here(logs.read, "mpu6050-gyro")
     assert log.rate_hz == pytest.approx(99.3, abs=0.05)
     assert "median step 2.04 ms, longest 0.497 s" in log.repairs[0]
     assert log.channels[0].values.mean() == pytest.approx(4.5, abs=0.1)
@@ -473,10 +453,10 @@ def test_mpu6050_says_what_its_stamps_do():
     assert by_stamps.channels[0].values.std() < log.channels[0].values.std()  # it smooths
 
 
-@needs("phone-drives/2023-08-09_12-47-42.csv")
 def test_the_parked_phone_stands_still():
     """Property: the stretches in the catalogue follow the rule that their note states."""
-    frame = delimited.read_table(datasets.path("phone-drives/2023-08-09_12-47-42.csv")).frame
+    path = where_here(datasets.path, "phone-drives/2023-08-09_12-47-42.csv")
+    frame = delimited.read_table(path).frame
     turning = np.linalg.norm(frame[["gyro_x", "gyro_y", "gyro_z"]].to_numpy(), axis=1) > 0.02
     moving = frame["speed"].fillna(0).to_numpy() > 0.1
     assert not turning[3744:5028].any() and turning[3743] and turning[5028]

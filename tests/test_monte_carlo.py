@@ -4,15 +4,17 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 import pytest
+from refused import refused
 from scipy.stats import chi2
 
 from analysis import CannotAnswer, resampling, static_logs, terrain_data
-from analysis.terrain import monte_carlo
-from analysis.terrain.assumptions import Sensor, Setup
-from analysis.terrain.terrain_map import AttitudeMap
+from analysis.terrain import AttitudeMap, Sensor, Setup, monte_carlo, track_real_laps
+from analysis.terrain.open_choices import Interpretation
 
 SEED = 20112
 SENSORS = {(n, b): Sensor(float(n), float(b)) for b in (0.0001, 0.005) for n in (0.001, 0.01)}
@@ -31,7 +33,7 @@ def setup_of(**changes):
 
 def laps(choices, runs=8, attitude_map=None, sensors=SENSORS, **options):
     """Simulate a few laps."""
-    options |= {"runs": runs, "seed": SEED}
+    options = {"runs": runs, "seed": SEED} | options
     return monte_carlo.simulate_laps(attitude_map or road(), sensors, choices, **options)
 
 
@@ -51,44 +53,37 @@ def test_a_lap_does_not_depend_on_its_company(monkeypatch):
     np.testing.assert_array_equal(laps(setup_of()).error, whole.error)
 
 
-LAPS_OF_EVERY_KIND = """
-from dataclasses import replace
-from hashlib import sha256
-import numpy as np
-from analysis import store, terrain_data, terrain
-from analysis.terrain.open_choices import Interpretation
-sensors = {n: terrain.Sensor(n, n) for n in (0.001, 0.01)}
-road, found = terrain_data.roads(), []
-kinds = ("difference 50 m", "ISO A", "stationary"), ("high-pass 5 s", "I-99", "zero")
-for form, name, start in kinds:
-    levels = {"form": form, "start": start, "map_error_deg": 0.1, "begin_sd_m": 2.0, "leg_m": 190.0}
-    setup = Interpretation(**levels).setup()
-    found.append(terrain.simulate_laps(road.maps[name], sensors, setup, runs=20, seed=2))
-laps = {name: terrain_data.lap_and_map(name) for name in terrain_data.laps("cw")}
-own = {"map_errors": {name: terrain_data.map_error(name) for name in laps}, "runs": 2, "seed": 2}
-setup = terrain.Setup.reference(1500.0, every=10)
-found += terrain.track_real_laps(laps, sensors, setup, **own).values()
-for of in found:
-    print(of.lost().to_numpy().mean(), sha256(of.error.tobytes()).hexdigest())
-"""
+def print_laps_of_every_kind():
+    """Print how many are lost, and a hash of the errors."""
+    sensors, maps, found = {n: Sensor(n, n) for n in (0.001, 0.01)}, terrain_data.roads().maps, []
+    same = {"map_error_deg": 0.1, "begin_sd_m": 2.0, "leg_m": 190.0}
+    kinds = ("difference 50 m", "ISO A", "stationary"), ("high-pass 5 s", "I-99", "zero")
+    for form, name, start in kinds:
+        setup = Interpretation(form=form, start=start, **same).setup()
+        found.append(laps(setup, 20, maps[name], sensors, seed=2))
+    real = {name: terrain_data.lap_and_map(name) for name in terrain_data.laps("cw")}
+    own = {
+        "map_errors": {name: terrain_data.map_error(name) for name in real},
+        "runs": 2,
+        "seed": 2,
+    }
+    setup = Setup.reference(1500.0, every=10)
+    for of in [*found, *track_real_laps(real, sensors, setup, **own).values()]:
+        print(of.lost().to_numpy().mean(), sha256(of.error.tobytes()).hexdigest())
+
+
+HERE, AVX_512 = Path(__file__).parent, ("X86_V4", "AVX512_ICL", "AVX512_SPR")
 OTHER_PROCESSOR = {"OPENBLAS_CORETYPE": "Zen", "OMP_NUM_THREADS": "1"}
-AVX_512 = "X86_V4", "AVX512_ICL", "AVX512_SPR"
 
 
 def test_laps_are_the_same_on_another_processor():
     """property: to the bit, since a lap that is lost magnifies any rounding; some are lost here."""
     known = np._core._multiarray_umath.__cpu_dispatch__  # it warns of the name of any other
     less = " ".join(name for name in AVX_512 if name in known)
-    run, printed = [sys.executable, "-c", LAPS_OF_EVERY_KIND], []
-    for other in ({}, OTHER_PROCESSOR | {"NPY_DISABLE_CPU_FEATURES": less}):
-        printed.append(subprocess.check_output(run, env=os.environ | other, text=True))
-    assert printed[0] == printed[1] and float(printed[0].split()[0]) > 0
-
-
-def test_sensors_without_an_error_are_on_one_lap():
-    """analytic: what is left is the error of the odometry, which is the same for all."""
-    none = laps(setup_of(R=0.1), sensors=dict.fromkeys(range(3), Sensor(0.0, 0.0))).error
-    assert (none == none[0]).all() and none.std() > 0
+    run = [sys.executable, "-c", "import test_monte_carlo as own; own.print_laps_of_every_kind()"]
+    others = {}, OTHER_PROCESSOR | {"NPY_DISABLE_CPU_FEATURES": less}
+    one, other = (subprocess.check_output(run, env=os.environ | of, cwd=HERE) for of in others)
+    assert one == other and float(one.split()[0]) > 0
 
 
 def test_without_terrain_it_is_dead_reckoning():
@@ -148,9 +143,10 @@ def test_components_of_the_map_error():
     assert both[-1].var() / both[0].var() == pytest.approx(1.0, abs=0.5)
 
 
-@pytest.mark.parametrize(
-    ("start", "bias"), [("zero", 1e-12), ("stationary", 4e-4), ("turn-on", 36e-4)]
-)
+BEGINNINGS = {"zero": 1e-12, "stationary": 4e-4, "turn-on": 36e-4}
+
+
+@pytest.mark.parametrize(("start", "bias"), BEGINNINGS.items())
 def test_what_a_filter_begins_with_and_adds(start, bias):
     """known case: variances of place, attitude, bias and map at the start, and over 2 m back."""
     told = {"bias_states": True, "R": 0.01, "map_error": (0.1, 50.0), "begin_attitude_sd": 0.3}
@@ -194,16 +190,14 @@ def test_what_a_precision_allows():
 
 def test_one_function_tells_the_tracking_error():
     """property: the grid's own numbers, rising with B; a log's interval holds its value."""
-    plane, i, j = terrain_data.error_plane("R tuned"), 4, 3
-    known = plane.error[i, j], plane.lost[i, j]
-    assert plane.of(Sensor(plane.arw[j], plane.sigma_b[i])) == pytest.approx(known)
+    plane, at = terrain_data.error_plane("R tuned"), (4, 3)
+    sensor = Sensor(plane.arw[3], plane.sigma_b[4])
+    assert plane.of(sensor) == pytest.approx((plane.error[at], plane.lost[at]))
     errors = [plane.of(Sensor(0.005, b))[0] for b in np.geomspace(1e-6, 0.1, 30)]
     assert errors[0] == errors[1] and max(errors) == errors[-1]
-    at = plane.estimate(Sensor(plane.arw[j], plane.sigma_b[i]))
-    ends = [table[i, j] for table in (plane.error, plane.low, plane.high)]
-    assert [at.value, at.low, at.high] == pytest.approx(ends)
-    with pytest.raises(CannotAnswer, match="beyond"):
-        plane.estimate(Sensor(1.0, 0.001))
+    found, ends = plane.estimate(sensor), (plane.error[at], plane.low[at], plane.high[at])
+    assert (found.value, found.low, found.high) == pytest.approx(ends)
+    refused(CannotAnswer, "beyond", plane.estimate, Sensor(1.0, 0.001))
     model = static_logs.stored.read_model("adis16405")
     found = plane.of_log(model, "gyro_y")
     assert found.low < found.value < found.high
@@ -215,8 +209,8 @@ def test_one_function_tells_the_tracking_error():
 
 def test_a_lap_off_the_map_is_refused():
     """property: a sentence with both ranges, and no simulation."""
-    with pytest.raises(CannotAnswer, match=r"from 50\.0 to 650\.0 m and leaves the map"):
-        laps(replace(setup_of(), length=600.0))
+    words = r"from 50\.0 to 650\.0 m and leaves the map"
+    refused(CannotAnswer, words, laps, replace(setup_of(), length=600.0))
 
 
 @pytest.mark.parametrize("places", [1, 2])

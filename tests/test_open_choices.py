@@ -6,14 +6,14 @@ from dataclasses import asdict, replace
 import numpy as np
 import pandas as pd
 import pytest
+from refused import refused
 from scipy.stats import linregress, spearmanr
 
 from analysis import DATA, FIGURES, WrongUsage, claims, store, terrain_data
-from analysis.terrain import open_choices
-from analysis.terrain.assumptions import NOISES, STARTS, Sensor, Setup
-from analysis.terrain.monte_carlo import Laps, attitude_errors, simulate_laps
+from analysis.terrain import AttitudeMap, Sensor, Setup, open_choices, simulate_laps
+from analysis.terrain.assumptions import NOISES, STARTS
+from analysis.terrain.monte_carlo import Laps, attitude_errors
 from analysis.terrain.open_choices import B_GRID, FACTORS, N_GRID, Interpretation, Judged
-from analysis.terrain.terrain_map import AttitudeMap
 
 SEED = 20240
 PAID = ["cheap", "second", "third", "dear"]
@@ -48,10 +48,11 @@ def test_noise_on_the_attitude_is_white_at_every_rate():
             assert setup.own_R(Sensor(1.0, 0.0)) == pytest.approx(power * rate, rel=1e-9)
 
 
+SETUPS = {}, {"every": 3}, {"span": 500.0, "drawn_map_error": ((0.1, 9),)}
+
+
 @pytest.mark.parametrize("channels", [1, 2])
-@pytest.mark.parametrize(
-    "changes", [{}, {"every": 3}, {"span": 500.0, "drawn_map_error": ((0.1, 9),)}]
-)
+@pytest.mark.parametrize("changes", SETUPS)
 def test_compiled_filter_equals_numpy(channels, changes):
     """cross-check: the same laps to the bit, since a lap that is lost magnifies any rounding."""
     pytest.importorskip("numba")
@@ -64,9 +65,9 @@ def test_compiled_filter_equals_numpy(channels, changes):
 
 def test_compiled_filter_leaves_out_bias_states():
     """property: what it cannot do is refused in a sentence."""
-    setup = Setup.reference(50.0, bias_states=True)
-    with pytest.raises(WrongUsage, match="no bias states"):
-        simulate_laps(road(), {0: Sensor(0, 0)}, setup, runs=1, seed=SEED, compiled=True)
+    given = road(), {0: Sensor(0, 0)}, Setup.reference(50.0, bias_states=True)
+    named = {"runs": 1, "seed": SEED, "compiled": True}
+    refused(WrongUsage, "no bias states", simulate_laps, *given, **named)
 
 
 def test_a_high_pass_or_difference_is_one_of_map_and_samples():
@@ -104,19 +105,12 @@ def made():
 
         variance = 1 + (100 N)^2 + 250 B, half as much again in the error where R is twice
     """
-
-    def error_of(label):
-        if isinstance(label, str):
-            return 1.0 if label == "no error" else 8.0 - 2 * PAID.index(label)
-        n, b = label[-2:]
-        once = np.sqrt(1 + (100 * n) ** 2 + 250 * b)
-        return 1.5 * once if label[0] == "R twice" else once
-
-    labels = [(n, b) for n in N_GRID for b in B_GRID] + [*PAID, "no error"]
+    labels = [(n, b) for n in N_GRID for b in B_GRID]
     labels += [("R twice", *at) for at in open_choices.CORNERS]
-    sign = np.where((np.arange(40)[:, None] + np.arange(30)) % 2, -1.0, 1.0)
-    error = np.array([error_of(label) * sign for label in labels])
-    t = np.arange(30.0)
+    size = [np.sqrt(1 + (100 * n) ** 2 + 250 * b) * 1.5 ** len(of) for *of, n, b in labels]
+    labels, size = [*labels, *PAID, "no error"], np.append(size, [8.0, 6.0, 4.0, 2.0, 1.0])
+    t, sign = np.arange(30.0), np.where((np.arange(40)[:, None] + np.arange(30)) % 2, -1.0, 1.0)
+    error = size[:, None, None] * sign
     return Laps(tuple(labels), t, 11 * t, error, np.ones_like(error))
 
 
@@ -129,46 +123,38 @@ def test_numbers_of_made_laps():
     n, b = np.array([0.001, 0.004, 0.007, 0.01]), np.array([0.0001, 0.0034, 0.0067, 0.01])
     v = 1 + (100 * n[:, None]) ** 2 + 250 * b
     m = np.sqrt(v)
-
-    def rise(of, axis):
-        ends = of.mean(axis=axis)
-        return ends[-1] / ends[0]
+    # Last over first of the means of m and v along N, then along B.
+    ends = (of.mean(axis=axis)[[0, -1]] for axis in (1, 0) for of in (m, v))
+    m_n, v_n, m_b, v_b = (last / first for first, last in ends)
 
     def square(x, y):
-        c2, c1, _ = np.polyfit(x, y, 2)
-        of_square = c2 * (x[-1] ** 2 - x[0] ** 2)
-        return of_square / (of_square + c1 * (x[-1] - x[0]))
+        c = np.polyfit(x, y, 2)
+        return c[0] * (x[-1] ** 2 - x[0] ** 2) / (np.polyval(c, x[-1]) - np.polyval(c, x[0]))
 
     over = (np.broadcast_to(x, (4, 4)).ravel() for x in (b, n[:, None]))
     of_b, of_n = (spearmanr(v.ravel(), x)[0] for x in over)
     law = linregress(np.log(price), np.log([64, 36, 16, 4]))
     known = {
         "low-cost-tracks": 1, "fig7-mems-keeps-track": 1, "sampling-rate-matters": 1,
-        "fig7-mems-slightly-worse": m[-1, -1] / m[0, 0],
-        "fig8-mean-rises": rise(m, 1) - 1, "fig8-mean-rises-each-b": 1,
-        "fig8-mean-quadratic": square(n, m.mean(axis=1)),
-        "fig9-variance-changes": rise(v, 1) - 1, "fig9-variance-rise-150": 100 * (rise(v, 1) - 1),
-        "fig10-mean-rises": rise(m, 0) - 1,
-        "fig10-moderate": (rise(m, 0) - 1) / (rise(m, 1) - 1),
-        "fig10-mean-linear": square(b, m.mean(axis=0)),
-        "fig10-tactical-slightly-better": rise(m, 0), "b-less-apparent": of_b / of_n,
-        "fig11-variance-rises": rise(v, 0) - 1,
-        "fig11-moderate": (rise(v, 0) - 1) / (rise(v, 1) - 1),
-        "fig11-tactical-marginally-better": np.sqrt(rise(v, 0)), "conclusion-mean-rises": 1,
+        "fig7-mems-slightly-worse": m[-1, -1] / m[0, 0], "fig8-mean-rises": m_n - 1,
+        "fig8-mean-rises-each-b": 1, "fig8-mean-quadratic": square(n, m.mean(axis=1)),
+        "fig9-variance-changes": v_n - 1, "fig9-variance-rise-150": 100 * (v_n - 1),
+        "fig10-mean-rises": m_b - 1, "fig10-moderate": (m_b - 1) / (m_n - 1),
+        "fig10-mean-linear": square(b, m.mean(axis=0)), "fig10-tactical-slightly-better": m_b,
+        "fig11-variance-rises": v_b - 1, "fig11-moderate": (v_b - 1) / (v_n - 1),
+        "fig11-tactical-marginally-better": np.sqrt(v_b), "conclusion-mean-rises": 1,
         "fig9-variance-linear": 1, "precision-linear-n-abstract": 1,
         "conclusion-variance-linear-n": 1, "conclusion-variance-quadratic-n": 1,
         "precision-linear-b-abstract": 0, "conclusion-variance-linear-b": 0,
         # 28 m^2 for 900 USD, 20 for 1000, 12 for 8000; 32 for 9000 from the second to the last.
-        "precision-costs-ever-more": 28 / 900 / (12 / 8000),
-        "conclusion-same-gain-dearer": 20 / 1000 / (12 / 8000),
-        "fig13-diminishing-returns": 32 / 9000 / (28 / 900),
+        "precision-costs-ever-more": 28 / 900 / (12 / 8000), "b-less-apparent": of_b / of_n,
+        "conclusion-same-gain-dearer": 20 / 1000 / (12 / 8000), "fig12-step-at-2000": 8 / 6,
+        "fig13-diminishing-returns": 32 / 9000 / (28 / 900), "fig13-first-step-large": 64 / 36,
         "fig12-low-cost-error": 8, "fig12-high-end-error": 6, "fig12-high-end-flat": 3,
-        "fig12-step-at-2000": 8 / 6, "fig13-first-step-large": 64 / 36,
         "fig13-correlation": -law.rvalue, "eq7-a": np.exp(law.intercept),
-        "eq7-exponent": -law.slope,
-        "conclusion-tactical-more-precise": 16, "conclusion-marginal-gain": 28 / 60,
-        "conclusion-low-cost-tracks": 1, "variance-vanishes-with-cost": 1 / 4,
-    }  # fmt: skip
+        "eq7-exponent": -law.slope, "conclusion-tactical-more-precise": 16,
+        "conclusion-marginal-gain": 28 / 60, "conclusion-low-cost-tracks": 1,
+        "variance-vanishes-with-cost": 1 / 4}  # fmt: skip
     assert value == pytest.approx(known, abs=1e-9)
     assert all(of.shape == (51,) for of in found.values())
 

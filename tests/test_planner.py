@@ -37,9 +37,9 @@ def test_hours_grow_as_the_square():
     assert b == pytest.approx(4 * a, rel=0.05)
     white = Plan(0.3).relative_error(0.1, 1.0)["sigma_v"]
     assert white == pytest.approx(1.96 / np.sqrt(2 * 36_000), rel=1e-3)
-    # A thousand samples and ten correlation times at least.
-    least = {"sigma_v": 100 / 3600, "sigma_b": 1000 / 3600, "corr_time": 1000 / 3600}
-    assert plan.hours_needed(0.1, 1e3) == pytest.approx(least)
+    # A thousand samples and ten correlation times at least, in seconds.
+    least = {"sigma_v": 100, "sigma_b": 1000, "corr_time": 1000}
+    assert plan.hours_needed(0.1, 1e3) == pytest.approx({k: s / 3600 for k, s in least.items()})
     for endless in (Plan(1.0, 1e-3, 1e7), Plan(1.0, 1.0, 1e9)):
         assert endless.hours_needed(1.0, 0.05)["corr_time"] is None
 
@@ -47,31 +47,23 @@ def test_hours_grow_as_the_square():
 def test_plan_from_a_first_log():
     """property: resolved values are planned with, an open correlation time with its bound."""
 
-    def known(value, *note):
-        return Estimate(value, 0.9 * value, 1.1 * value, "", True, *note)
-
-    def at_least(value=None):
-        return Estimate.refused("", "open", low=value)
-
-    white, open_bias = known(0.1), (at_least(), at_least())
+    white, size, time, floor = (Estimate(v, 0.9 * v, 1.1 * v, "") for v in (0.1, 0.3, 50.0, 0.2))
+    none, least, longer = (Estimate.refused("", "open", low=low) for low in (None, 0.2, 300.0))
+    names = ("sigma_v", "sigma_b", "corr_time", "bias_instability")
     for values, expected in (
-        ((white, at_least(0.2), at_least(300.0)), (Plan(0.1, 0.2, 300.0), True)),
-        ((white, known(0.3), known(50.0)), (Plan(0.1, 0.3, 50.0), False)),
-        ((at_least(), *open_bias), (None, False)),
-        ((white, *open_bias, known(0.2)), (Plan(0.1), False)),  # a floor is no flicker noise
-    ):
-        names = ("sigma_v", "sigma_b", "corr_time", "bias_instability")
+        ((white, least, longer), (Plan(0.1, 0.2, 300.0), True)),
+        ((white, size, time), (Plan(0.1, 0.3, 50.0), False)), ((none, none, none), (None, False)),
+        ((white, none, none, floor), (Plan(0.1), False)),  # a floor is no flicker noise
+    ):  # fmt: skip
         assert Plan.from_estimates(dict(zip(names, values, strict=False))) == expected
 
 
-@pytest.mark.parametrize(
-    ("numbers", "says"),
-    [("--white 0.004 --sigma 0.005 --time 0.001", "--time 0.001 is shorter than a sample"),
-     ("--white 1e300 --sigma 1e300 --time 1e300", "too far apart"),
-     ("--white 1 --walk 1e300", "too far apart"), ("--white inf", "above zero"),
-     ("--white nan", "above zero"), ("--white 1 --within 0", "above zero"),
-     ("--white 1 --sigma 1", "go together")],
-)  # fmt: skip
+@pytest.mark.parametrize(("numbers", "says"), [
+    ("--white 0.004 --sigma 0.005 --time 0.001", "--time 0.001 is shorter than a sample"),
+    ("--white 1e300 --sigma 1e300 --time 1e300", "too far apart"),
+    ("--white 1 --walk 1e300", "too far apart"), ("--white inf", "above zero"),
+    ("--white nan", "above zero"), ("--white 1 --within 0", "above zero"),
+    ("--white 1 --sigma 1", "go together")])  # fmt: skip
 def test_numbers_without_a_plan(capsys, numbers, says):
     """error: what is no sensor is wrong usage, in a sentence."""
     assert cli.main(["plan", "--rate", "100", *numbers.split()]) == 2
@@ -89,9 +81,9 @@ def test_a_bias_that_is_hidden_costs_only_its_own_hours():
 
 def test_a_report_without_a_plan():
     """error: estimates too far apart to plan with cost the plan, not the report."""
+    none = dict.fromkeys(("sigma_b", "corr_time"), Estimate.refused("", ""))
     known = {k: Estimate(v, v, v, "") for k, v in (("sigma_v", 1.0), ("rrw", 1e300))}
-    channel = SimpleNamespace(parameters=known | {"corr_time": Estimate.refused("s", "")})
-    channel.parameters["sigma_b"] = Estimate.refused("", "")
+    channel = SimpleNamespace(parameters=known | none)
     assert "too far apart" in phrase(report.hours_to_record(channel, 0.01)[1])
 
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from refused import refused
 
 from analysis import CannotAnswer
-from analysis.noise import position
+from analysis.noise import cep, effective_samples, outliers, position, simulate_fixes
 from analysis.noise.models import gauss_markov
 from analysis.noise.notes import said
-from analysis.noise.position import DRIFTS, cep, effective_samples, outliers, simulate_fixes
 
 PER_SIGMA = np.sqrt(2 * np.log(2))  # CEP of a circular Gaussian of unit deviation: 1.1774
 
@@ -29,7 +29,7 @@ def test_effective_samples_of_an_autoregression(phi):
 ONE_BIAS = [((1.0, corr_time),) for corr_time in (10.0, 60.0, 100.0, 300.0, 600.0)]
 
 
-@pytest.mark.parametrize("drifts", [*ONE_BIAS, DRIFTS])
+@pytest.mark.parametrize("drifts", [*ONE_BIAS, position.DRIFTS])
 def test_an_interval_covers_or_is_refused(drifts):
     """coverage: 95 % intervals of two-hour logs hold the truth, refusing few of them.
 
@@ -59,8 +59,7 @@ def test_an_interval_counts_independent_positions(least, monkeypatch):
     # Their means take two degrees of freedom; radii are 1 / 4000 apart.
     ends = np.array([0.5 - half, 0.5 + half]) / np.sqrt(1 - 2 / 49)
     assert not found.resolved or (found.low, found.high) == pytest.approx(tuple(ends), abs=1e-3)
-    with pytest.raises(CannotAnswer, match="no position"):
-        cep(np.full(5, np.nan), np.zeros(5))
+    refused(CannotAnswer, "no position", cep, np.full(5, np.nan), np.zeros(5))
 
 
 def test_an_outlier_is_six_deviations_from_its_neighbours():
@@ -76,9 +75,8 @@ def test_an_outlier_is_six_deviations_from_its_neighbours():
 def test_simulated_fixes_are_what_was_asked_for():
     """published: radius, memory of own and shared errors (Beard, McLain, Table 7.1), outliers."""
     own, shared = 3.0**2, 0.21**2 / (1 - np.exp(-2 / 1100))
-    for differential, parts in ((True, [(own, 40)]), (False, [(own, 40), (shared, 1100)])):
+    for given, parts in (({"differential": True}, [(own, 40)]), ({}, [(own, 40), (shared, 1100)])):
         rng = np.random.default_rng(8)
-        given = {"differential": True} if differential else {}
         fixes = np.array([*simulate_fixes(5.0, 400_000, 40.0, rng, **given).values()])
         bad = outliers(*fixes)
         assert bad.sum() == 5
@@ -96,11 +94,9 @@ def test_a_cep_does_not_depend_on_axes_direction_of_time_or_unit():
     """property: swapped, mirrored, moved, reversed, in feet; of a line the count is known."""
     n, e = gauss_markov(7200, 1.0, 1.0, 30.0, np.random.default_rng(6), runs=2)
     found = cep(n, e)
-    for scale, axes in (
-        (1, (e, n)), (1, (900.0 - n, e)), (1, (n[::-1], e[::-1])), (3.28, (3.28 * n, 3.28 * e)),
-        (1, (np.r_[np.nan, n, 0.0], np.r_[0.0, e, np.nan])),
-    ):  # fmt: skip
-        other = cep(*axes)
+    feet, holed = (3.28 * n, 3.28 * e), (np.r_[np.nan, n, 0.0], np.r_[0.0, e, np.nan])
+    for axes in ((e, n), (900.0 - n, e), (n[::-1], e[::-1]), holed, feet):
+        other, scale = cep(*axes), 3.28 if axes is feet else 1
         expected = scale * np.array([found.value, found.low, found.high])
         np.testing.assert_allclose([other.value, other.low, other.high], expected, rtol=1e-9)
     assert effective_samples(np.ones(9)) == 1.0

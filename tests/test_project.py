@@ -30,8 +30,7 @@ MODULES = size.modules(ROOT)  # path -> its room
 PURE = ("noise", "terrain", "tracker", "units", "resampling")
 FACES = (
     "noise", "terrain", "tracker", "units", "static_logs", "terrain_data", "datasheets", "store",
-    "text", "plots", "figures", "claims", "sensorlogs",
-)  # fmt: skip
+    "text", "plots", "figures", "claims", "sensorlogs")  # fmt: skip
 ALLOWED = {
     "sensorlogs": set(), "noise": set(), "resampling": set(), "text": set(), "provenance": set(),
     "store": set(), "__init__": {"sensorlogs"}, "terrain": {"noise", "resampling"},
@@ -41,15 +40,13 @@ ALLOWED = {
     "terrain_data": {"sensorlogs.road_logs", "terrain", "store", "datasheets"},
     "plots": {"figures", *PURE}, "workbench": {*FACES, "provenance", "studies"},
     "studies": {"sensorlogs", *PURE, "static_logs", "terrain_data", "datasheets", "store", "text"},
-    "__main__": {"workbench"},
-}  # fmt: skip
+    "__main__": {"workbench"}}  # fmt: skip
 OURS = {Path(package).name for package in size.PACKAGES}
 OPENS = re.compile(r"open|loadtxt|genfromtxt|fromfile|read_\w+|savetxt|savefig")
 FILES_AND_PLOTS = {"matplotlib", "pathlib", "os", "io", "shutil", "tempfile"}
 READ_AS_PAPERS = (
     "00-index", "13-how-long-to-record", "15-parts-of-real-logs",
-    "20-test-track", "21-terrain-ukf", "30-tracker-inputs", "90-your-own-log",
-)  # fmt: skip
+    "20-test-track", "21-terrain-ukf", "30-tracker-inputs", "90-your-own-log")  # fmt: skip
 HEADER = ("Reproduces", "Question", "Needs", "Makes", "Runtime", "Code")
 
 
@@ -172,21 +169,15 @@ def numbers_as_text(notebook):
     return [text for c in cells if any(map(fills, ast.walk(c))) for text in found(c)]
 
 
-@pytest.mark.parametrize(
-    ("cell", "faults"),
-    [
-        ("rows = {'a': 1.5, f'{x:g} m': [y]}\ntext.table(rows, f'{x:.0%}', '{:.1f}')", 0),
-        ("rows[f'{x:g}'] = {f'above {x:g}': y}\nMarkdown(f'{y:.1f}')\ntext.table(rows)", 0),
-        ("rows = pd.DataFrame(x, index=[f'{y:g}'])\ntext.table(rows.set_axis([f'{x:g}']))", 0),
-        ("said = f'{x:.1f} m'", 0),
-        ("text.table({'a': f'{x:.1f} m'})", 1),
-        ("text.table({'a': f'{x} of {y}', 'b': f'{x}, {y}'})", 1),
-        ("rows['a'] = {'b': f'{x:.1f}, {y:.0f}'}\ntext.table(rows)", 2),
-        ("text.table(frame.map('{:.1f}'.format))", 1),
-        ("text.table({'a': engineering(x, 2)})", 1),
-        ("rows |= {'a': '{x} m'.format_map(y)}\ntext.table(rows)", 1),
-    ],
-)
+@pytest.mark.parametrize(("cell", "faults"), [
+    ("rows = {'a': 1.5, f'{x:g} m': [y]}\ntext.table(rows, f'{x:.0%}', '{:.1f}')", 0),
+    ("rows[f'{x:g}'] = {f'above {x:g}': y}\nMarkdown(f'{y:.1f}')\ntext.table(rows)", 0),
+    ("rows = pd.DataFrame(x, index=[f'{y:g}'])\ntext.table(rows.set_axis([f'{x:g}']))", 0),
+    ("said = f'{x:.1f} m'", 0), ("text.table({'a': f'{x:.1f} m'})", 1),
+    ("text.table({'a': f'{x} of {y}', 'b': f'{x}, {y}'})", 1),
+    ("rows['a'] = {'b': f'{x:.1f}, {y:.0f}'}\ntext.table(rows)", 2),
+    ("text.table(frame.map('{:.1f}'.format))", 1), ("text.table({'a': engineering(x, 2)})", 1),
+    ("rows |= {'a': '{x} m'.format_map(y)}\ntext.table(rows)", 1)])  # fmt: skip
 def test_a_number_written_as_text_is_noticed(cell, faults):
     """analytic: an f-string in a cell, and a method that formats; not in a name or a heading."""
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell)])

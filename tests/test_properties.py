@@ -3,12 +3,13 @@
 import json
 import shutil
 import string
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
-from test_atlas import long_enough
+from test_exports import broken
 from test_grid import grid
 from test_logs import HEADER, lines
 from test_moving import csv, sentence
@@ -31,11 +32,10 @@ PIECES = b', ; \n \t \0 " # nan -inf 1e999 1e-320 - \xff 12:00 2024-02-30 $GPGGA
 PUT_IN = st.sampled_from(PIECES) | st.binary(max_size=3)
 EDIT = st.tuples(st.integers(0, len(WHOLE)), st.integers(0, 60), PUT_IN)
 EDITS = st.lists(EDIT, min_size=1, max_size=8)
+KEY = st.text(max_size=8)
 ANY_JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
-    lambda inner: st.lists(inner, max_size=3)
-    | st.dictionaries(st.text(max_size=8), inner, max_size=3),
-    max_leaves=6,
+    st.none() | st.booleans() | st.integers() | st.floats() | KEY,
+    lambda of: st.lists(of, max_size=3) | st.dictionaries(KEY, of, max_size=3), max_leaves=6,
 )  # fmt: skip
 
 
@@ -48,6 +48,15 @@ def refusal(act, *names):
         assert "\n" not in said.strip() and len(said) < 1500, said
         assert all(name in said for name in names), said
         return error
+
+
+def answered(capsys, command):
+    """Give status and error text of a command; one that failed wrote nothing, no traceback too."""
+    shutil.rmtree("out", ignore_errors=True)
+    status, said = main(command), capsys.readouterr().err
+    assert status in (0, 1, 2) and "Traceback" not in said
+    assert not status or not Path("out").exists()
+    return status, said
 
 
 @given(edits=EDITS, told=st.sampled_from([{}, {"rate": 100, "unit": "deg/s"}]))
@@ -64,29 +73,26 @@ def test_a_damaged_table_is_read_or_refused(tmp_path, edits, told):
 
 
 @given(
-    values=st.lists(st.floats(-1e6, 1e6), max_size=20, unique=True),
-    unit=st.sampled_from(["rad_s", "deg_s", "m_s2", "mg"]),
-    delimiter=st.sampled_from([",", ";", "\t", "|"]),
-    comma=st.booleans(),
-    form=st.sampled_from(["{!r}", "{:.17e}", "{:+.9f}"]),
-)
-def test_a_number_is_read_as_it_is_written(tmp_path, values, unit, delimiter, comma, form):
+    values=st.lists(st.floats(-1e6, 1e6), max_size=20, unique=True), comma=st.booleans(),
+    name=st.sampled_from(["gyro_x_rad_s", "gyro_x_deg_s", "accel_x_m_s2", "accel_x_mg"]),
+    delimiter=st.sampled_from(",;\t|"), form=st.sampled_from(["{!r}", "{:.17e}", "{:+.9f}"]),
+)  # fmt: skip
+def test_a_number_is_read_as_it_is_written(tmp_path, values, name, delimiter, comma, form):
     """property: to the last digit, whatever the form, the separator and the decimal sign."""
     assume(not comma or delimiter in ";\t")
     values += np.random.default_rng(1).normal(size=90).tolist()
-    rows = [[f"{0.01 * i:.2f}", form.format(v)] for i, v in enumerate(values)]
-    name = f"{'gyro' if unit in ('rad_s', 'deg_s') else 'accel'}_x_{unit}"
-    text = "\n".join(delimiter.join(row) for row in [["t_s", name], *rows])
-    path = tmp_path / "my.csv"
-    path.write_text(text.replace(".", ",") if comma else text)
-    log = sensorlogs.read(path)
-    np.testing.assert_array_equal(log.channels[0].values, [float(form.format(v)) for v in values])
+    written = [form.format(v) for v in values]
+    rows = [f"{0.01 * i:.2f}{delimiter}{v}" for i, v in enumerate(written)]
+    text = "\n".join([f"t_s{delimiter}{name}", *rows])
+    (tmp_path / "my.csv").write_text(text.replace(".", ",") if comma else text)
+    log = sensorlogs.read(tmp_path / "my.csv")
+    np.testing.assert_array_equal(log.channels[0].values, [*map(float, written)])
 
 
-@given(
-    step=st.lists(st.sampled_from([0.01] * 4 + [0, 0.0101, 0.02, 3, -0.01, np.nan]), min_size=1),
-    seed=st.integers(0, 99),
-)  # fmt: skip
+STEP = st.sampled_from([0.01] * 4 + [0, 0.0101, 0.02, 3, -0.01, np.nan])
+
+
+@given(step=st.lists(STEP, min_size=1), seed=st.integers(0, 99))
 def test_any_stamps_give_a_grid(step, seed):
     """property: it holds every used row once, in order, or the row of the fault is named."""
     n = len(step)
@@ -136,10 +142,10 @@ def test_a_position_is_read_as_a_receiver_wrote_it(tmp_path, lat, lon, digits, h
 BODY = st.text(string.digits + string.ascii_uppercase + ",.-*$\r\n ", max_size=60)
 
 
-@given(
-    kind=st.sampled_from(["GGA", "GSA", "RMC", "GNS", "GLL", "VTG"]),
-    bodies=st.lists(BODY, max_size=9),
-)
+KIND = st.sampled_from(["GGA", "GSA", "RMC", "GNS", "GLL", "VTG"])
+
+
+@given(kind=KIND, bodies=st.lists(BODY, max_size=9))
 def test_any_sentences_of_a_receiver_are_read_or_refused(tmp_path, kind, bodies):
     """property: fields of any length, number and content, with checksums that are right."""
     path = tmp_path / "drive.nmea"
@@ -147,13 +153,16 @@ def test_any_sentences_of_a_receiver_are_read_or_refused(tmp_path, kind, bodies)
     refusal(lambda: sensorlogs.read_moving([path]))
 
 
-@pytest.mark.parametrize(
-    "command", ["export model.json --out out", "atlas add model.json --product bmi088 --title a"]
-)
+ADD = "atlas add model.json --product bmi088 --title a --licence CC0 --source me"
+
+
+@pytest.mark.parametrize("command", ["export model.json --out out", ADD])
 @given(data=st.data())
 def test_a_model_that_was_edited_is_taken_or_refused(tmp_path, monkeypatch, capsys, command, data):
     """property: any value in any place of model.json; a refusal writes nothing."""
-    whole = {"": long_enough()}
+    whole = {"": broken(["source", "sha256"], "0123456789" * 6 + "abcd")}
+    for channel in whole[""]["channels"]:  # B has a bound, so that the atlas takes it
+        channel["parameters"]["bias_instability"]["high"] = 1.0
     part, key = whole, ""
     while isinstance(part[key], (dict, list)) and part[key] and data.draw(st.integers(0, 4)):
         part = part[key]
@@ -163,33 +172,27 @@ def test_a_model_that_was_edited_is_taken_or_refused(tmp_path, monkeypatch, caps
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(datasheets, "GIVEN", tmp_path / "out")
     (tmp_path / "model.json").write_text(json.dumps(whole[""]))
-    shutil.rmtree("out", ignore_errors=True)
-    given_away = ["--licence", "CC0", "--source", "me"] * command.startswith("atlas")
-    status, said = main([*command.split(), *given_away]), capsys.readouterr().err
-    assert status in (0, 1, 2) and "Traceback" not in said
-    if status:
-        assert said.count("\n") == 1 and not (tmp_path / "out").exists()
+    status, said = answered(capsys, command.split())
+    assert not status or said.count("\n") == 1
 
 
 KEYS = st.sampled_from([*catalogue.KEYS, "rate"])
 
 
-@given(
-    stanza=st.dictionaries(KEYS, ANY_JSON.filter(lambda v: v is not None), max_size=4),
-    file=st.booleans(),
-)
+STANZA = st.dictionaries(KEYS, ANY_JSON.filter(lambda v: v is not None), max_size=4)
+
+
+@given(stanza=STANZA, file=st.booleans())
 def test_any_stanza_is_read_or_refused(tmp_path, monkeypatch, stanza, file):
     """property: a catalogue with values of any kind under its keys."""
 
     def toml(value):
-        match value:
-            case dict():
-                pairs = (f"{json.dumps(k)} = {toml(v)}" for k, v in value.items())
-                return "{" + ", ".join(pairs) + "}"
-            case list():
-                return "[" + ", ".join(toml(v) for v in value) + "]"
-            case float():
-                return repr(value)
+        if isinstance(value, dict):
+            return "{" + ", ".join(f"{json.dumps(k)} = {toml(v)}" for k, v in value.items()) + "}"
+        if isinstance(value, list):
+            return "[" + ", ".join(map(toml, value)) + "]"
+        if isinstance(value, float):
+            return repr(value)
         return json.dumps("" if value is None else value)
 
     (tmp_path / "my.csv").write_bytes(WHOLE)
@@ -204,11 +207,9 @@ WORDS = (
     | st.sampled_from(["deg/s", "gyro=mg", "0:10", "5:1", "5:20", "1e-300", "1,2,3", "car", "s"])
 )  # fmt: skip
 NEEDED = {  # by each verb, so that its other flags matter
-    "report": ["report", "my.csv", "--out", "out"],
-    "replay": ["replay", "drive.csv", "--out", "out"],
-    "plan": ["plan", "--rate", "100", "--white", "0.1"],
-    "which-gyro": ["which-gyro", "--error", "1"],
-}
+    "report": ["my.csv", "--out", "out"], "replay": ["drive.csv", "--out", "out"],
+    "plan": ["--rate", "100", "--white", "0.1"], "which-gyro": ["--error", "1"],
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("verb", NEEDED)
@@ -223,10 +224,7 @@ def test_any_word_after_a_flag_is_taken_or_refused(tmp_path, monkeypatch, capsys
         more += [option.opts[0], data.draw(words)]
     assume("--out" not in more)
     monkeypatch.chdir(tmp_path)
-    shutil.rmtree("out", ignore_errors=True)
     (tmp_path / "my.csv").write_bytes(WHOLE)
     csv(tmp_path, "t_s,lat,lon", [(k, 47.0, 8 + 1e-5 * k) for k in range(30)], "drive.csv")
-    status, said = main([*NEEDED[verb], *more]), capsys.readouterr().err
-    assert status in (0, 1, 2) and "Traceback" not in said
-    if status:
-        assert said.strip() and not (tmp_path / "out").exists()
+    status, said = answered(capsys, [verb, *NEEDED[verb], *more])
+    assert not status or said.strip()

@@ -11,7 +11,6 @@ import pytest
 from analysis import DATA, ROOT
 
 PUBLISHED = DATA / "published"
-PAPERS = {"terrain", "comparison", "tracker"}
 # The last four have none: a ratio, a fraction of one (shown in %), a count, a sentence.
 NAMED = (
     "1, %, deg, deg/s, deg/h, deg/sqrt(s), s, min, h, Hz, m, m/s^2, km/h, W, m^2*USD^0.586, "
@@ -58,7 +57,7 @@ def test_register(name):
     One line a cell, ASCII only, so that every tool reads the registers alike.
     """
     table, header = REGISTERS[name]
-    assert ",".join(table.columns) == header and set(table["paper"]) == PAPERS
+    assert ",".join(table.columns) == header and set(table["paper"]) == set(ITEMS)
     for cell in table.to_numpy().ravel():
         assert cell.isascii() and "\n" not in cell, cell
     if "id" in table:
@@ -83,8 +82,7 @@ def claim_faults(row):
         "a quantity '1 if ...' has value, low and high 1 and the unit 'yes or no'":
             row["quantity"].startswith("1 if ") == (row["unit"] == "yes or no") == yes,
         "what is 'not testable: ' says what it needs":
-            bool(re.search(needs, row["why"])) == untestable,
-    }  # fmt: skip
+            bool(re.search(needs, row["why"])) == untestable}  # fmt: skip
     return [rule for rule, kept in rules.items() if not kept]
 
 
@@ -193,8 +191,7 @@ def of_module(row):
 PORTIONS = {
     "Memory access": "load-position", "Mean of buffer (worst case)": "static-filter-mean",
     "Mean of buffer": "yaw-alignment-mean", "Other processing": "yaw-alignment-other",
-    "Rotation matrix conversion": "yaw-alignment-rotation",
-}  # fmt: skip
+    "Rotation matrix conversion": "yaw-alignment-rotation"}  # fmt: skip
 ENDS = {"arw_deg_sqrt_s": "-n", "b_deg_s": "-b"}
 OF_FIT = {"sigma_v_deg": "-sigma-v", "corr_time_s": "-tau", "sigma_b_deg": "-sigma-b",
           "drift_deg_h": "-drift"}  # fmt: skip

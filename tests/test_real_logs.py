@@ -34,14 +34,6 @@ def test_interpolating_by_uneven_stamps_inflates_white_noise():
         assert stamps[c.name].parameters["arw"].low > c.parameters["arw"].high
 
 
-def test_every_derived_result_says_where_it_is_from():
-    """property: source, licence, sha256 and the command that made it stand with each result."""
-    for name in store.names("autocorrelation"):
-        source = static_logs.read(name).source
-        assert len(source["sha256"]) == 64
-        assert all(source[key] for key in ("licence", "source", "made_by", "file"))
-
-
 def test_no_number_without_support():
     """property: what is not resolved has no value, and what is lies inside its interval."""
     for name in store.names("autocorrelation"):

@@ -32,12 +32,13 @@ def fitted(model, aic):
     return Fit(model, terms, -aic / 2, aic, np.zeros(len(names)), names)
 
 
-def inferred(chosen, aics, ends=(), **more):
-    """Make an inference: AIC of the models over -30, 50 where it is not said; a log of 1800 s.
+def inferred(chosen, aics=(), ends=(), **more):
+    """Make an inference: AIC of the models over -30, else 0 if chosen and 50; a log of 1800 s.
 
     The ends of intervals are half and twice a value where `ends`, (model, term) to them, has none.
     """
-    fits = {model: fitted(model, aics.get(model, 50.0) - 30.0) for model in [*MODELS, *aics]}
+    aics = dict.fromkeys(MODELS, 50.0) | {chosen: 0.0} | dict(aics)
+    fits = {model: fitted(model, aic - 30.0) for model, aic in aics.items()}
 
     def interval(fit, what, fall=3.84):
         value = fit.terms.get(what, [0.0])[-1]
@@ -57,13 +58,26 @@ def ends_of(e):
     return e.value, e.low, e.high
 
 
+def stubbed(monkeypatch, **stubs):
+    """Put others in the place of what inference calls."""
+    for name, stub in stubs.items():
+        monkeypatch.setattr(inference, name, stub)
+
+
+def wandering(n, dt):
+    """Give the likelihood of n samples of white noise and of a walk with steps of 0.02."""
+    y = np.random.default_rng(4).standard_normal(n)
+    y += np.cumsum(0.02 * np.random.default_rng(5).standard_normal(n))
+    return NoiseLikelihood(spectrum.transform(y, dt))
+
+
 @pytest.mark.parametrize(("drift", "warm_up", "why"), [
-    ((1.0, 0.5, 1.5), False, None), ((2.0, 0.6, 3.0), False, None),
+    ((1.0, 0.5, 1.5), False, ""), ((2.0, 0.6, 3.0), False, ""),
     ((-2.0, -3.0, -0.59), False, said("near_zero")),  # 0.3 of the value, from zero
     ((1.0, -0.1, 1.5), False, "slow bias"), ((1.0, 0.0, 1.5), False, "slow bias"),
     ((-1.0, -1.5, 0.0), False, "slow bias"), ((1.0, -0.1, 1.5), True, "warm-up"),
     # Not more than 0.3 of the value from an end to it.
-    ((2.0, 1.4, 3.0), True, None), ((-2.0, -3.0, -1.39), True, "warm-up")])  # fmt: skip
+    ((2.0, 1.4, 3.0), True, ""), ((-2.0, -3.0, -1.39), True, "warm-up")])  # fmt: skip
 @pytest.mark.parametrize("rise", [-3.8, 0.5, 3.8, 3.9])
 def test_a_drift_by_its_interval(drift, warm_up, why, rise, monkeypatch):
     """known case: refused where the interval holds zero, or comes near it beside a warm-up."""
@@ -73,15 +87,15 @@ def test_a_drift_by_its_interval(drift, warm_up, why, rise, monkeypatch):
         tried.append(time)
         return rise + abs(time - 180.0) / 1e3
 
-    monkeypatch.setattr(inference, "linear_drift", lambda *_: drift)
-    found = inferred("N", {"N": 0.0})
+    stubbed(monkeypatch, linear_drift=lambda *_: drift)
+    found = inferred("N")
     found.coarse.instead_of_line = instead
     e = found.drift(None, [SimpleNamespace(kind="warm_up" if warm_up else "step")])
-    refused = why is not None and why != said("near_zero")
-    assert ends_of(e) == ((None, *drift[1:]) if refused else drift) and e.unit == "deg/s/s"
-    assert e.resolved != refused and (why is None or why in e.note)
-    if not refused:
-        assert (said("near_zero") in e.note) == (why is not None)
+    given = why in ("", said("near_zero"))
+    assert ends_of(e) == (drift if given else (None, *drift[1:])) and e.unit == "deg/s/s"
+    assert e.resolved == given and why in e.note
+    assert (said("near_zero") in e.note) == (why == said("near_zero"))
+    if given:
         assert (min(tried), max(tried)) == pytest.approx((45.0, 450.0))  # it ends in the log
         best = min(tried, key=lambda time: abs(time - 180.0))
         near = said("instead_at", time=best, rise=-rise - abs(best - 180.0) / 1e3)
@@ -91,46 +105,41 @@ def test_a_drift_by_its_interval(drift, warm_up, why, rise, monkeypatch):
 def test_white_noise_by_its_band():
     """known case: as the likelihood has it; wider and higher behind a filter; either side of Q."""
     for more in ({}, {"averaged": 4, "fewest": 4}):
-        assert ends_of(inferred("N", {"N": 0.0}, **more).white_noise()) == (0.1, 0.05, 0.2)
-    for lack, error in ((0.015, 0.2), (0.1, 0.2)):
-        e = inferred("N", {"N": 0.0}, averaged=8, lack=(lack, error)).white_noise()
-        ends = np.array([0.05 * 0.985, 0.2 * 1.015])  # half of the 3 % that bands may be off
-        raised = lack > 0.015
-        if raised:
-            reach = np.hypot(np.log([ends[0] / 0.1, ends[1] / 0.1]), error)
-            ends = 0.1 * 1.1 * np.exp([-reach[0], reach[1]])
-        assert ends_of(e) == pytest.approx((0.11 if raised else 0.1, *ends))
+        assert ends_of(inferred("N", **more).white_noise()) == (0.1, 0.05, 0.2)
+    reach = np.log([0.5 * 0.985, 2 * 1.015])  # half of the 3 % that bands may be off
+    for lack, value, ends in ((0.015, 0.1, reach), (0.1, 0.11, np.hypot(reach, 0.2) * [-1, 1])):
+        e = inferred("N", averaged=8, lack=(lack, 0.2)).white_noise()
+        assert ends_of(e) == pytest.approx((value, *(value * np.exp(ends))))
         assert said("filter_left", share=0.015) in e.note
-        assert (said("raised", lack=lack, error=error) in e.note) == raised
-    e = inferred("N", {"N": 0.0}, {("N", "sigma_v"): (None, 0.2)}, averaged=8).white_noise()
+        assert (said("raised", lack=lack, error=0.2) in e.note) == (lack == 0.1)
+    e = inferred("N", {}, {("N", "sigma_v"): (None, 0.2)}, averaged=8).white_noise()
     assert not e.resolved and ends_of(e) == (None, None, 0.2) and said("masked") in e.note
     # Every model within 3.84 of the least AIC counts, with quantisation too.
     other = {("N+Q", "sigma_v"): (0.04, 0.15), ("N+B", "sigma_v"): (0.06, 0.3)}
     for aic, low in ((-3.8, 0.04), (3.8, 0.04), (3.9, 0.05)):
-        e = inferred("N", {"N": 0.0, "N+B": 2.0 + min(aic, 0.0), "N+Q": aic}, other).white_noise()
+        e = inferred("N", {"N+B": 2.0 + min(aic, 0.0), "N+Q": aic}, other).white_noise()
         assert ends_of(e) == (0.1, low, 0.3) and "N+B" in e.note
         assert ("N+Q" in e.note) == (low == 0.04)
 
 
+WALK, BOUND, OR_BIAS = (0.01, 0.005, 0.02), (None, None, 0.02), said("or_a_bias")
+
+
 @pytest.mark.parametrize(("chosen", "aics", "ends", "expected", "why"), [
     # A model without a walk and a bias that is as good within 3.84 leaves it no lower end.
-    ("N+K", {"N+K": 0.0, "N": 3.8, "N+B": 3.9}, {}, (None, None, 0.02), NEAR),
-    ("N+K", {"N+K": 0.0, "N": 3.9}, {}, (0.01, 0.005, 0.02), said("or_a_bias")),
-    ("N+K", {"N+K": 0.0, "N+B+K": 2.0}, {("N+B+K", "rrw"): (0.002, 0.015)},
-     (0.01, 0.002, 0.02), "N+B+K"),
-    ("N+K", {"N+K": 0.0, "N+B+K": 2.0}, {("N+B+K", "rrw"): (None, 0.03)}, (None, None, 0.03),
-     said("no_end")),
+    ("N+K", {"N": 3.8, "N+B": 3.9}, {}, BOUND, NEAR),
+    ("N+K", {"N": 3.9}, {}, WALK, OR_BIAS),
+    ("N+K", {"N+B+K": 2.0}, {("N+B+K", "rrw"): (0.002, 0.015)}, (0.01, 0.002, 0.02), "N+B+K"),
+    ("N+K", {"N+B+K": 2.0}, {("N+B+K", "rrw"): (None, 0.03)}, (None, None, 0.03), said("no_end")),
     # A slow bias looks alike, alone or with a walk.
-    ("N+K", {"N+K": 0.0, "N+GM": 1.0, "N+GM+K": 2.0}, {("N+GM+K", "rrw"): (None, 9.0)},
-     (0.01, 0.005, 0.02), said("or_a_bias")),
-    ("N+GM+K", {"N+GM+K": 0.0, "N+2GM": 3.8}, {}, (None, None, 0.02), "N+2GM fits"),
-    ("N+GM+K", {"N+GM+K": 0.0, "N+K": 3.8}, {("N+K", "rrw"): (0.006, 0.03)},
-     (0.01, 0.005, 0.03), "N+K, N+GM+K"),
-    ("N+K", {"N+K": 0.0}, {("N+K", "rrw"): (None, 0.02)}, (None, None, 0.02), said("no_end")),
+    ("N+K", {"N+GM": 1.0, "N+GM+K": 2.0}, {("N+GM+K", "rrw"): (None, 9.0)}, WALK, OR_BIAS),
+    ("N+GM+K", {"N+2GM": 3.8}, {}, BOUND, "N+2GM fits"),
+    ("N+GM+K", {"N+K": 3.8}, {("N+K", "rrw"): (0.006, 0.03)}, (0.01, 0.005, 0.03), "N+K, N+GM+K"),
+    ("N+K", {}, {("N+K", "rrw"): (None, 0.02)}, BOUND, said("no_end")),
     # Without a walk the bound is that of the model with one.
-    ("N", {"N": 0.0}, {("N+K", "rrw"): (0.1, 0.7)}, (None, None, 0.7), "N fits the log"),
-    ("N+B", {"N+B": 0.0}, {("N+B+K", "rrw"): (0.1, 0.6)}, (None, None, 0.6), "N+B fits"),
-    ("N+GM", {"N+GM": 0.0}, {("N+GM+K", "rrw"): (0.1, 0.5)}, (None, None, 0.5), "N+GM fits"),
+    ("N", {}, {("N+K", "rrw"): (0.1, 0.7)}, (None, None, 0.7), "N fits the log"),
+    ("N+B", {}, {("N+B+K", "rrw"): (0.1, 0.6)}, (None, None, 0.6), "N+B fits"),
+    ("N+GM", {}, {("N+GM+K", "rrw"): (0.1, 0.5)}, (None, None, 0.5), "N+GM fits"),
 ])  # fmt: skip
 def test_a_random_walk_by_its_rivals(chosen, aics, ends, expected, why):
     """known case: the interval by all models that are near, or a refusal and a bound."""
@@ -139,52 +148,50 @@ def test_a_random_walk_by_its_rivals(chosen, aics, ends, expected, why):
     assert e.resolved == (expected[0] is not None)
 
 
+TIME, SIZE, NONE = (60.0, 30.0, 120.0), (0.3, 0.15, 0.6), (None, None, None)
+SLOWER = {("N+2GM", "corr_time"): (100.0, 250.0)}
+OF_BOTH = (60.0, 30.0, 250.0), (0.3, 0.15, 0.8)
+
+
 @pytest.mark.parametrize(("chosen", "aics", "ends", "time", "size", "why"), [
-    ("N+GM", {"N+GM": 0.0}, {}, (60.0, 30.0, 120.0), (0.3, 0.15, 0.6), "covers 30 corr"),
+    ("N+GM", {}, {}, TIME, SIZE, "covers 30 corr"),
     # Flicker noise has no correlation time.
-    ("N+GM", {"N+GM": 0.0, "N+B": 3.8}, {}, (None,) * 3, (None, None, 0.6), "N+B fits"),
-    ("N+GM", {"N+GM": 0.0}, {("N+GM", "corr_time"): (30.0, None)},
-     (None, 30.0, None), (0.3, 0.15, 0.6), said("too_few")),
-    ("N+GM", {"N+GM": 0.0}, {("N+GM", "sigma_b"): (0.1, None)},
-     (60.0, 30.0, 120.0), (None, 0.1, None), said("too_few")),
+    ("N+GM", {"N+B": 3.8}, {}, NONE, (None, None, 0.6), "N+B fits"),
+    ("N+GM", {}, {("N+GM", "corr_time"): (30.0, None)}, (None, 30.0, None), SIZE, said("too_few")),
+    ("N+GM", {}, {("N+GM", "sigma_b"): (0.1, None)}, TIME, (None, 0.1, None), said("too_few")),
     # A walk is a bias without bounds.
-    ("N+GM", {"N+GM": 0.0, "N+K": 3.8}, {}, (None, 30.0, None), (None, 0.15, None), "N+K fits"),
+    ("N+GM", {"N+K": 3.8}, {}, (None, 30.0, None), (None, 0.15, None), "N+K fits"),
     # A second slow process that is better: the ends of both.
-    ("N+GM", {"N+GM": 0.0, "N+2GM": -0.1}, {("N+2GM", "corr_time"): (100.0, 250.0)},
-     (60.0, 30.0, 250.0), (0.3, 0.15, 0.8), "N+2GM"),
-    ("N+GM", {"N+GM": 0.0, "N+2GM": 0.1}, {("N+2GM", "corr_time"): (100.0, 250.0)},
-     (60.0, 30.0, 120.0), (0.3, 0.15, 0.6), ""),
-    ("N+GM+K", {"N+GM+K": 0.0, "N+2GM": 0.1}, {("N+2GM", "corr_time"): (100.0, 250.0)},
-     (60.0, 30.0, 250.0), (0.3, 0.15, 0.8), ""),
-    ("N+2GM", {"N+2GM": 0.0}, {}, (600.0, 300.0, 1200.0), (0.4, 0.2, 0.8), said("few_low")),
+    ("N+GM", {"N+2GM": -0.1}, SLOWER, *OF_BOTH, "N+2GM"),
+    ("N+GM", {"N+2GM": 0.1}, SLOWER, TIME, SIZE, ""),
+    ("N+GM+K", {"N+2GM": 0.1}, SLOWER, *OF_BOTH, ""),
+    ("N+2GM", {}, {}, (600.0, 300.0, 1200.0), (0.4, 0.2, 0.8), said("few_low")),
     # A walk, flicker noise and white noise have none, with what the log still bounds.
-    ("N+K", {"N+K": 0.0}, {}, (None, 30.0, None), (None, 0.15, None), "at most 60 corr"),
-    ("N+K", {"N+K": 0.0}, {("N+GM", "corr_time"): (None, None)},
-     (None, None, None), (None, 0.15, None), said("as_a_walk")),
-    ("N+B", {"N+B": 0.0, "N+GM": 7.0}, {}, (None,) * 3, (None,) * 3, "(AIC of N+GM: +7.0)"),
-    ("N", {"N": 0.0}, {}, (None,) * 3, (None, None, 0.18), "shows no slow bias")])  # fmt: skip
+    ("N+K", {}, {}, (None, 30.0, None), (None, 0.15, None), "at most 60 corr"),
+    ("N+K", {}, {("N+GM", "corr_time"): (None, None)}, NONE, (None, 0.15, None), said("as_a_walk")),
+    ("N+B", {"N+GM": 7.0}, {}, NONE, NONE, "(AIC of N+GM: +7.0)"),
+    ("N", {}, {}, NONE, (None, None, 0.18), "shows no slow bias")])  # fmt: skip
 def test_a_bias_by_its_rivals(chosen, aics, ends, time, size, why):
     """known case: correlation time and size, in the words and ends of each rule."""
     found = inferred(chosen, aics, ends).bias()
     assert (ends_of(found["corr_time"]), ends_of(found["sigma_b"])) == (time, size)
-    assert any(why in e.note for e in found.values()) and found["corr_time"].unit == "s"
-    assert found["sigma_b"].unit == "deg/s"
-    said_few = said("few_low") in found["corr_time"].note
-    assert said_few == (time[0] == 600.0)  # three of them; 30 are enough
+    assert any(why in e.note for e in found.values())
+    assert (found["corr_time"].unit, found["sigma_b"].unit) == ("s", "deg/s")
+    assert (said("few_low") in found["corr_time"].note) == (time[0] == 600.0)  # 3 of them; 30 do
 
 
 def test_a_step_where_the_level_changes_leaves_no_slow_noise(monkeypatch):
     """known case: a step from the first to the last moment of a changed level may be noise."""
     change, other = (Disturbance(k, 100.0, 200.0, k) for k in ("noise_level", "missing"))
-    monkeypatch.setattr(inference, "goodness_of_fit", lambda *_: (None, []))
-    monkeypatch.setattr(inference, "stationarity_of", lambda *_: (None, [change]))
+    tests = {"goodness_of_fit": [], "stationarity_of": [change]}
+    stubbed(monkeypatch, **{name: lambda *_, d=d: (None, d) for name, d in tests.items()})
     monkeypatch.setattr(Inference, "sizes", lambda _: ((), ()))
     monkeypatch.setattr(Inference, "fitted_terms", lambda found: found.terms)
     where = ("step", 99.0), ("step", 201.0), ("warm_up", 150.0), ("step", 100.0), ("step", 200.0)
     for k, (kind, at) in enumerate(where):
         e = Estimate(2.0, 1.0, 3.0, "U")
         term = replace(added_terms.added_term(kind, at), parameters={"amplitude": e})
-        found = inferred("N", {"N": 0.0}, terms=[term])
+        found = inferred("N", terms=[term])
         found.coarse.without = lambda *_: None
         judged = inference._judged(found, {"rrw": e}, [other])
         told, e = [d.kind for d in judged.disturbances], judged.parameters["rrw"]
@@ -208,9 +215,7 @@ def test_the_table_of_models():
 
 def test_an_interval_by_all_models_is_that_of_their_profiles():
     """cross-check: at its ends the least AIC of all profiles has risen by 3.84."""
-    y = np.random.default_rng(4).standard_normal(4000)
-    y += np.cumsum(0.02 * np.random.default_rng(5).standard_normal(4000))
-    likelihood = NoiseLikelihood(spectrum.transform(y, 0.1))
+    likelihood = wandering(4000, 0.1)
     fits = [likelihood.fit(model) for model in ("N+K", "N+B", "N+B+K")]
     found, least = envelope(likelihood, fits, "sigma_v"), min(fit.aic for fit in fits)
     for end in (found.low, found.high):
@@ -221,9 +226,7 @@ def test_an_interval_by_all_models_is_that_of_their_profiles():
 
 def test_the_floor_of_a_walk_is_the_mean_of_its_sizes():
     """analytic: adev^2 = N^2 / tau + K^2 tau / 3 is lowest, 2 N K / sqrt(3), at sqrt(3) N / K."""
-    y = np.random.default_rng(4).standard_normal(40_000)
-    y += np.cumsum(0.02 * np.random.default_rng(5).standard_normal(40_000))
-    likelihood = NoiseLikelihood(spectrum.transform(y, 0.1))
+    likelihood = wandering(40_000, 0.1)
     fit = likelihood.fit("N+K")
     floor, (white, walk) = Floor(likelihood, fit), np.exp(fit.point) * [np.sqrt(0.1), 1.0]
     assert floor.at == pytest.approx(np.sqrt(3) * white / walk, rel=0.03) and floor.reached
@@ -238,9 +241,7 @@ def test_the_floor_of_a_walk_is_the_mean_of_its_sizes():
 
 def test_a_floor_does_not_jump_where_another_turn_appears():
     """property: it moves by no more than a walk that grows, beyond the hump of a bias too."""
-    likelihood = NoiseLikelihood(
-        spectrum.transform(np.random.default_rng(1).normal(size=9999), 1.0)
-    )
+    likelihood = NoiseLikelihood.of_log(np.random.default_rng(1).normal(size=9999), 1.0)
     point = np.log([0.3, 0.1, 20.0, 0.005])
     fit = SimpleNamespace(point=point, names=MODELS["N+GM+K"])
     points = point + np.outer(np.linspace(-4, 4, 400), np.eye(4)[3])
@@ -255,13 +256,11 @@ def test_a_band_agrees_in_its_highest_octaves(octave, factor, beyond, monkeypatc
     """analytic: 3 % in power, and four standard errors, in the three highest octaves."""
     n, rng = 60_000, np.random.default_rng(5)
     monkeypatch.setattr(spectrum, "SINGLE", n)
-    of = np.floor(-np.log2(np.sin(np.pi * np.arange(1, n) / (2 * n))))
-    c, off = rng.standard_normal(n), []
+    of = np.append(9, np.floor(-np.log2(np.sin(np.pi * np.arange(1, n) / (2 * n)))))
+    c, off = rng.standard_normal(n), np.where(np.arange(4) == octave, factor - 1, 0.0)
     for k in range(4):  # to the last digit as loud as said
-        inside = np.append(False, of == k)
-        off.append(factor - 1 if k == octave else 0.0)
-        c[inside] *= np.sqrt((1 + off[-1]) * inside.sum() / (c[inside] ** 2).sum())
-    likelihood = NoiseLikelihood(spectrum.transform(3.0 * idct(c, norm="ortho"), 0.1))
+        c[of == k] *= np.sqrt((1 + off[k]) / (c[of == k] ** 2).mean())
+    likelihood = NoiseLikelihood.of_log(3.0 * idct(c, norm="ortho"), 0.1)
     fit = Fit("N", {}, 0.0, 0.0, np.log([3.0]), ("sigma_v",))
     worst, found = inference.disagreement(likelihood, fit)
     assert worst == pytest.approx(max(np.abs(off[:3])), abs=1e-9) and found == beyond
@@ -272,16 +271,17 @@ def test_a_filter_is_seen_by_neighbours_and_by_its_bias():
     y = np.random.default_rng(1).standard_normal(1000)
     y[500] = np.nan
     level = np.nanmean(np.diff(y) ** 2) / 2
-    for off, same in ((0.029, True), (0.031, False), (-0.029, True), (-0.031, False)):
+    for off in (0.029, 0.031, -0.029, -0.031):
         fit = SimpleNamespace(terms={"sigma_v": [np.sqrt(level / (1 + off))]})
-        assert inference.as_noisy(y, fit) == same
-    for time, white, low, filtered in (
-        (4.9, 0.59, None, True), (5.1, 0.59, None, False), (4.9, 0.61, None, False),
-        (4.9, 0.59, 0.1, False), (None, 0.0, None, False),
+        assert inference.as_noisy(y, fit) == (abs(off) < 0.03)
+    assert inference.as_noisy(np.where(np.arange(1000) % 2, y, np.nan), fit)  # no neighbours
+    likelihood = SimpleNamespace(duration=10_000.0, per_sample=4.0)
+    for times, white, low, filtered in (
+        ([4.9, 900.0], 0.59, None, True), ([5.1, 900.0], 0.59, None, False),
+        ([4.9, 900.0], 0.61, None, False), ([4.9, 900.0], 0.59, 0.1, False), ([], 0.0, None, False),
     ):  # fmt: skip
-        likelihood = SimpleNamespace(duration=10_000.0, per_sample=4.0)
         likelihood.interval = lambda fit, what, low=low: (low, 1.0)
-        bias = {} if time is None else {"sigma_b": [1.0, 9.0], "corr_time": [time, 900.0]}
+        bias = {"sigma_b": [1.0, 9.0], "corr_time": times} if times else {}
         fit = SimpleNamespace(terms={"sigma_v": [white]} | bias)
         assert inference.low_passed(likelihood, fit) == filtered
 
@@ -316,8 +316,7 @@ def test_averaging_goes_on_until_no_filter_shows(case, averaged, monkeypatch):
         "add_terms": lambda result, *_: (result, None), "_parameters": lambda *_: {},
         "uneven": lambda *_: [], "_judged": lambda result, *_: result,
     }  # fmt: skip
-    for name, stub in stubs.items():
-        monkeypatch.setattr(inference, name, stub)
+    stubbed(monkeypatch, **stubs)
     y = np.random.default_rng(1).standard_normal(n)
     y[9 :: case.get("lost", n)] = np.nan
     found = inference.infer(y, dt, "deg/s", case.get("kind", "rate"), np.random.default_rng(1))
@@ -341,25 +340,20 @@ def test_which_models_are_fitted_from_which():
             aic = {"N+GM": 0.0}.get(model.removesuffix("+Q"), 20.0)
             return fitted(model, aic - gain * model.endswith("+Q"))
 
-        near = {"N+K": fitted("N+K", 0.0)}
-        fits = inference.fit_all(
-            SimpleNamespace(fit=fit, as_bias=lambda walk: walk), rate=rate, near=near
-        )
-        models = ["N+GM+Q"] * (extra == 1) + [f"{m}+Q" for m in MODELS] * (extra == 7)
+        near, likelihood = fitted("N+K", 0.0), SimpleNamespace(fit=fit, as_bias=lambda walk: walk)
+        fits = inference.fit_all(likelihood, rate=rate, near={"N+K": near})
+        models = {0: [], 1: ["N+GM+Q"], 7: [f"{m}+Q" for m in MODELS]}[extra]
         assert list(fits)[:7] == list(MODELS) and sorted(fits) == sorted([*MODELS, *models])
-        assert asked["N+K"] == ([], ["N+K"]) and asked["N"] == ([], [])
-        assert asked["N+GM+K"] == (["N+GM", "N+K"], []) and asked["N+2GM"] == (["N+GM"], [])
-        if extra == 7:
-            assert asked["N+Q"] == ([], []) and asked["N+K+Q"] == (["N+Q"], [])
-            assert asked["N+GM+K+Q"] == (["N+GM+Q", "N+K+Q"], [])
-        elif extra:
-            assert asked["N+GM+Q"] == (["N+GM"], [])
+        simpler = {"N+K": ([], ["N+K"]), "N": ([], []), "N+GM+K": (["N+GM", "N+K"], []),
+                   "N+2GM": (["N+GM"], [])}  # fmt: skip
+        with_q = {"N+Q": ([], []), "N+K+Q": (["N+Q"], []), "N+GM+K+Q": (["N+GM+Q", "N+K+Q"], [])}
+        simpler |= {0: {}, 1: {"N+GM+Q": (["N+GM"], [])}, 7: with_q}[extra]
+        assert asked | simpler == asked
 
 
 def test_a_bias_that_white_noise_may_hide_and_means_that_bridge_losses():
     """cross-check: the largest sigma_b on a fine grid; the fewest samples whose means are whole."""
-    y = np.random.default_rng(1).standard_normal(3000)
-    likelihood = NoiseLikelihood(spectrum.transform(y, 0.1))
+    likelihood = NoiseLikelihood.of_log(np.random.default_rng(1).standard_normal(3000), 0.1)
     fit, size, most = likelihood.fit("N"), np.geomspace(1e-3, 1e3, 2001), 0.0
     for time in np.geomspace(0.4, 30.0, 20):
         noise = Terms(np.full(2001, np.exp(fit.point[0])), ((size, np.full(2001, time)),))
@@ -426,24 +420,23 @@ def test_terms_are_added_as_long_as_they_are_clearly_better(offered, kept, rival
     rises = [row[3] for row in offered]
     offers = [(row[0], added_terms.added_term(*row[1:3])) for row in offered]
 
+    made = []
+
     def offer(coarse, rows, temperature):
         best = [*offers, (0.0, added_terms.added_term("step", 1.0))][len(made)]
         return [(14.0, added_terms.added_term("sinusoid", 77.0)), best]  # less beyond its need
-
-    made = []
-    monkeypatch.setattr(inference, "candidates", offer)
-    monkeypatch.setattr(inference, "weaker_noise", lambda fits, duration: None)
 
     def likelihood(columns, detrend):
         made.append(len(columns))
         return SimpleNamespace(left=100.0 - sum(rises[: len(made)]), detrend=detrend)
 
-    monkeypatch.setattr(inference, "NoiseLikelihood", likelihood)
-    monkeypatch.setattr(inference, "fit_all", lambda likelihood, rate, near: near)
+    stubbed(
+        monkeypatch, candidates=offer, NoiseLikelihood=likelihood, weaker_noise=lambda *_: None,
+        fit_all=lambda likelihood, rate, near: near,
+        replace=lambda of, **new: Growing(**vars(of) | new),
+    )  # fmt: skip
     coarse = SimpleNamespace(duration=1e4, without=lambda terms, sizes: coarse, placed=replace)
-    fits = {"N": fitted("N", 0.0)}
-    monkeypatch.setattr(inference, "replace", lambda of, **new: Growing(**vars(of) | new))
-    start = SimpleNamespace(left=100.0, detrend=True)
+    fits, start = {"N": fitted("N", 0.0)}, SimpleNamespace(left=100.0, detrend=True)
     start = Growing(likelihood=start, fits=fits, chosen=fits["N"], terms=(), coarse=coarse)
     found, other = inference.add_terms(start, False, None, lambda columns: columns)
     assert [t.at for t in found.terms] == [row[2] for row in offered[:kept]]

@@ -9,21 +9,25 @@ from scipy.stats import chi2, multivariate_normal
 
 from analysis import terrain_data
 from analysis.noise.models import gauss_markov
-from analysis.terrain import relocate
-from analysis.terrain.assumptions import Sensor, Setup
+from analysis.terrain import AttitudeMap, Sensor, Setup, relocate, watch_real_laps
 from analysis.terrain.real_laps import resample_lap
-from analysis.terrain.relocate import DISTURBANCES, averaged_map, likelihood, watch, watch_real_laps
-from analysis.terrain.terrain_map import AttitudeMap
+from analysis.terrain.relocate import DISTURBANCES, averaged_map, likelihood, watch
 
 LAP = "14-45-26"
 MEMS = Sensor(0.01, 0.01)
+REAL = Setup.reference(1557.0, every=10)
+TEN = {"speed": 10.0, "rate_hz": 10.0, "bias_states": True}
+
+
+def watch_lap():
+    """Watch a real lap with each disturbance."""
+    laps, errors = {LAP: terrain_data.lap_and_map(LAP)}, {LAP: terrain_data.map_error(LAP)}
+    return watch_real_laps(laps, errors, MEMS, REAL, seed=4)
 
 
 def test_no_alarm_without_need_and_the_way_back_after_a_slip():
     """property: on a real lap none without cause; after a slip or a wrong start the place again."""
-    setup, laps = Setup.reference(1557.0, every=10), {LAP: terrain_data.lap_and_map(LAP)}
-    found = watch_real_laps(laps, {LAP: terrain_data.map_error(LAP)}, MEMS, setup, seed=4)
-    found = found.droplevel(1)
+    found = watch_lap().droplevel(1)
     for kind in ("none", "pitch 0.5° off for 300 m"):
         assert found.loc[kind, "alarms"] == 0 and found.loc[kind, "lost_m"] < 2
     for kind, metres in (("odometry misses 30 m", 30), ("first position 60 m wrong", 60)):
@@ -33,8 +37,7 @@ def test_no_alarm_without_need_and_the_way_back_after_a_slip():
 
 def test_laps_are_spoilt_as_their_names_say(monkeypatch):
     """known case: so many degrees or metres, in place; alarms and errors are told of each."""
-    setup, laps = Setup.reference(1557.0, every=10), {LAP: terrain_data.lap_and_map(LAP)}
-    truth, moved, _ = resample_lap(laps[LAP][0], setup.rate_hz)
+    truth, moved, _ = resample_lap(terrain_data.lap(LAP), REAL.rate_hz)
     off = np.zeros((len(truth), 5))
     off[7], off[-1] = [-9, 8, 7, 6, 5], [1, 2, -3, 4, 5]
 
@@ -46,13 +49,13 @@ def test_laps_are_spoilt_as_their_names_say(monkeypatch):
             assert turned.max() == pytest.approx(size * ("pitch" in name))
             assert (np.ptp(bent) if len(bent) else 0.0) == pytest.approx(length, abs=0.3)
             assert missed.sum() == pytest.approx(size * ("misses" in name))
-            assert not lost.any() or np.ptp(lost) + 1 == len(lost) == 2 * setup.rate_hz
+            assert not lost.any() or np.ptp(lost) + 1 == len(lost) == 2 * REAL.rate_hz
             assert first[d] == truth[0] + size * ("first" in name)
         assert places == (truth.min() - relocate.SAME, truth.max() + relocate.SAME)
         return relocate.Watched(truth[:, None] + off, off, [(1, 3), (1, 9), (4, 2)], [(4, 5)])
 
     monkeypatch.setattr(relocate, "watch", stub)
-    told = watch_real_laps(laps, {LAP: terrain_data.map_error(LAP)}, MEMS, setup, seed=4)
+    told = watch_lap()
     assert told.index.get_level_values(0).tolist() == list(DISTURBANCES)
     columns = [0, 2, 0, 0, 1], [0, 0, 0, 0, 1], [9, 8, 7, 6, 5], [1, 2, 3, 4, 5]
     np.testing.assert_allclose(told[["alarms", "found", "lost_m", "end_m"]].T, columns)
@@ -64,32 +67,26 @@ def drive():
     rng, s = np.random.default_rng(3), np.arange(1500.0)
     waves = rng.uniform(0.01, 0.2, (12, 1)), rng.uniform(0, 7, (12, 1))
     road = AttitudeMap(0.0, 1.0, 0.3 * np.sin(waves[0] * s + waves[1]).sum(axis=0))
-    setup = Setup(600.0, speed=10.0, rate_hz=10.0, bias_states=True, R=0.3**2, map_error=(0.1, 50))
-    truth = 400.0 + np.arange(601.0)
-    return road, setup, truth, np.append(0.0, np.ones(600))
+    setup = Setup(600.0, R=0.3**2, map_error=(0.1, 50), **TEN)
+    return road, setup, 400.0 + np.arange(601.0), np.append(0.0, np.ones(600))
 
 
-@pytest.mark.parametrize(
-    ("errors", "mean"),
-    [({"ramp": 0.1}, 0.5), ({"every": 5}, 0.5), ({"constant": 1.0}, 0.5),
-     # Means over a stretch vary less than what they are of: a little too well explained.
-     ({"walk": 0.3}, 0.8), ({"of_map": 0.6}, 0.8)],
-)  # fmt: skip
+@pytest.mark.parametrize(("errors", "mean"), [
+    ({"ramp": 0.1}, 0.5), ({"every": 5}, 0.5), ({"constant": 1.0}, 0.5),
+    # Means over a stretch vary less than what they are of: a little too well explained.
+    ({"walk": 0.3}, 0.8), ({"of_map": 0.6}, 0.8)])  # fmt: skip
 def test_errors_as_assumed_are_explained_at_the_true_place(drive, errors, mean):
     """coverage: the probability of samples whose errors are those assumed is uniform."""
     road, rng, t, found = drive[0], np.random.default_rng(6), np.arange(301) / 10, []
     names = "ramp", "walk", "constant", "of_map", "every"
     ramp, walk, constant, of_map, every = (errors.get(name, 1e-3) for name in names)
-    setup = Setup(
-        300.0, speed=10.0, rate_hz=10.0, bias_states=True, R=0.09, map_error=(of_map, 50.0),
-        every=max(int(every), 1), begin_attitude_sd=constant,
-    )  # fmt: skip
+    own = {"every": max(int(every), 1), "begin_attitude_sd": constant, "map_error": (of_map, 50.0)}
+    setup, sensor, near = Setup(300.0, R=0.09, **own, **TEN), Sensor(walk, ramp), (799.0, 802.0)
     for _ in range(200):
         z = road.at(500.0 + 10 * t)[0] + constant * rng.normal() + ramp * t * rng.normal()
         z += walk * np.sqrt(0.1) * np.cumsum(rng.standard_normal(301))
         z += gauss_markov(301, 1.0, of_map, 50.0, rng)
         z += 0.3 * np.sqrt(setup.every) * rng.standard_normal(301)
-        sensor, near = Sensor(walk, ramp), (799.0, 802.0)
         found.append(likelihood(averaged_map(road), z[None], 10 * t, sensor, setup, near)[2])
     assert np.mean(found) == pytest.approx(mean, abs=0.1)  # three standard errors: 0.06
 
@@ -141,30 +138,22 @@ def test_the_likelihood_is_that_of_a_gaussian(map_error):
     driven = np.cumsum(moved)
     samples = road.at(70.0 + driven) + 0.5 * rng.normal(size=(2, 450))
     samples[1, 380] = np.nan
-    sensor, setup = Sensor(0.02, 0.003), Setup(
-        600.0, speed=10.0, rate_hz=10.0, every=2, bias_states=True, R=0.3, map_error=map_error,
-        begin_attitude_sd=0.1,
-    )  # fmt: skip
-    found = likelihood(road, samples, driven, sensor, setup, (500.0, 520.0))
+    setup = Setup(600.0, every=2, R=0.3, map_error=map_error, begin_attitude_sd=0.1, **TEN)
+    found = likelihood(road, samples, driven, Sensor(0.02, 0.003), setup, (500.0, 520.0))
     begin = 139  # the first within 300 m of the end
     stretches = [[] for _ in range(31)]
     for k in set(range(begin, 450)) - {380}:
         stretches[int((driven[k] - 140) // 10)].append(k)
     t = [np.mean(of) / 10 - begin / 10 for of in stretches]
-    s = [driven[of].mean() - driven[-1] for of in stretches]
+    s = np.array([driven[of].mean() - driven[-1] for of in stretches])
     sd, length = map_error or (0.0, 1.0)
     x = begin / 10 / 200.0
     before = 0.02**2 * 13.9 + (0.003 * 200) ** 2 * (2 * x - 3 + 4 * np.exp(-x) - np.exp(-2 * x))
-    C = np.array([
-        [
-            0.1**2 + before + 0.02**2 * min(t[i], t[j]) + 0.003**2 * t[i] * t[j]
-            + sd**2 * np.exp(-abs(s[i] - s[j]) / length) + (i == j) * 0.3 * 2 / len(of)
-            for j in range(31)
-        ]
-        for i, of in enumerate(stretches)
-    ])  # fmt: skip
+    C = 0.1**2 + before + 0.02**2 * np.minimum.outer(t, t) + 0.003**2 * np.outer(t, t)
+    C += sd**2 * np.exp(-abs(np.subtract.outer(s, s)) / length)
+    C += np.diag([0.3 * 2 / len(of) for of in stretches])
     z = np.array([samples[:, of].mean(axis=1) for of in stretches]).T
-    off = np.array([z - road.at(p + np.array(s)) for p in np.arange(500.0, 520.0)])
+    off = np.array([z - road.at(p + s) for p in np.arange(500.0, 520.0)])
     log = multivariate_normal(np.zeros(31), C).logpdf(off).sum(axis=1)
     square = np.einsum("pci,ij,pcj->p", off, np.linalg.inv(C), off)
     np.testing.assert_array_equal(found[0], np.arange(500.0, 520.0))

@@ -42,8 +42,7 @@ def test_same_numbers_and_verdicts(fresh):
 
 
 NO_NAME = re.compile(r"(panel|line|curve|data|series|points|child)?[ _]*\d*", re.IGNORECASE)
-PURE = "share|PDOP|autocorrelation|coherence|claims?|factor|cutoff"
-NO_UNIT = re.compile(rf"\(.+\)\S?$|/|\b({PURE})\b")
+PURE = r"\(.+\)\S?$|/|\b(share|PDOP|autocorrelation|coherence|claims?|factor|cutoff)\b"
 
 
 @pytest.mark.parametrize("name", sorted(NAMES))
@@ -56,7 +55,7 @@ def test_every_figure_says_what_it_holds(name):
     assert set(table["panel"]) <= set(head["axes"]) and head["axes"]
     for panel, axes in head["axes"].items():
         for which in "xy":
-            named = f"{which} ticks" in axes or NO_UNIT.search(axes[which])
+            named = f"{which} ticks" in axes or re.search(PURE, axes[which])
             assert named, f"{panel}: unit of {axes[which]}"
     for words in [*head["axes"], *table["series"].unique()]:
         assert not NO_NAME.fullmatch(words) and not re.search(r"\$|\\|\bnan\b", words), words
@@ -160,8 +159,7 @@ def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypat
     assert [(run.notebook, run.figures, run.claims) for run in runs] == [("99-small", 1, 1)]
     assert found == [
         "figure 99-small (parameters, numbers)", "claim terrain-eq7-a (1×10⁶ -> 2×10⁶)",
-        "finding of 99-small (was: It is 1.0 m.; now: It is 2.0 m.)",
-    ]  # fmt: skip
+        "finding of 99-small (was: It is 1.0 m.; now: It is 2.0 m.)"]  # fmt: skip
     assert (content(*citable.iterdir()), path.read_bytes()) == (before, notebook)
     cells = nbformat.read(other / "99-small.ipynb", 4).cells
     assert [c.source for c in cells[:2]] == ["SIZE = 1.0\nOWN = None", "SIZE = 2.0"]

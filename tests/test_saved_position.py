@@ -19,11 +19,17 @@ HOME = position(44.5, 11.3, 60.0, 12.0, 2.0)
 
 
 def test_round_trip(tmp_path):
-    """property: what was saved is loaded to the last digit, an unknown PDOP and height included."""
-    assert load_position(tmp_path / "last.json") is None  # a first run has nothing stored
+    """property: what was saved is loaded to the last digit, an unknown PDOP and height included.
+
+    The format is one that a device would read: one line of JSON with a checksum.
+    """
+    path = tmp_path / "last.json"
+    assert load_position(path) is None  # a first run has nothing stored
     for stored in (HOME, position(-45.123456789012, 170.1, math.nan, 0.1, math.nan)):
-        save_position(tmp_path / "last.json", stored)
-        assert repr(load_position(tmp_path / "last.json")) == repr(stored)
+        save_position(path, stored)
+        assert repr(load_position(path)) == repr(stored) and path.read_bytes().count(b"\n") == 1
+        saved = json.loads(json.loads(path.read_bytes())["position"])
+        assert saved["lat_deg"] == stored["lat_deg"]
     assert os.listdir(tmp_path) == ["last.json"]
 
 
@@ -62,10 +68,3 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "replace", stop)
     refused(OSError, "No space left", save_position, path, position(1.0, 2.0, 3.0, 4.0, 5.0))
     assert path.read_bytes() == whole and os.listdir(tmp_path) == ["last.json"]
-
-
-def test_the_file_is_plain(tmp_path):
-    """property: the format a device would read: one line of JSON with a checksum."""
-    _, whole = written(tmp_path)
-    assert whole.count(b"\n") == 1
-    assert json.loads(json.loads(whole)["position"])["lat_deg"] == HOME["lat_deg"]

@@ -1,18 +1,16 @@
 """Logs that move: which stretches are static, and what `report` makes of them."""
 
 import json
-import os
 import shlex
-from pathlib import Path
 
 import numpy as np
 import pytest
-from refused import where_here
+from refused import refused, where_here
 from test_cli import run
 
 import sensorlogs as logs
-from analysis import STANDARD_GRAVITY, static_logs
-from analysis.static_logs.standstill import static_stretches
+from analysis import STANDARD_GRAVITY
+from analysis.static_logs.standstill import Moving, static_part, static_stretches
 from sensorlogs import datasets
 from sensorlogs.static import Channel, Log
 
@@ -61,26 +59,21 @@ def test_static_but_disturbed_is_static(case):
 
 TUMBLE = np.radians(T)  # a degree a second about x
 FALLEN = STANDARD_GRAVITY * np.column_stack([0 * T, np.sin(TUMBLE), np.cos(TUMBLE) - 1])
-MOVING = {
-    "turns at 30 deg/s": (along(30 + 0 * T), 0.0),
-    "turns at 30 deg/s, gyro z alone": ([0, 0, 30], None),
-    "turns by 1 deg/s, and gravity with it": (along(1 + 0 * T), FALLEN),
-    "swings at up to 30 deg/s": (along(30 * np.sin(T / 100)), 0.0),
-    "drives": (
-        along(5 * np.sin(T / 7) * np.sin(T / 31)),
-        along(1.5 * np.sin(T / 5) + 0.4 * WHITE[:, 0]),
-    ),
-    "sways by half a degree a second": (along(0.5 * np.sin(T / 1.5)), 0.0),
+BUMPS = 1.5 * np.sin(T / 5) + 0.4 * WHITE[:, 0]
+MOVING = {  # what gyro and accelerometer read
+    "turns at 30 deg/s": (GYRO + along(30 + 0 * T), ACCEL),
+    "turns at 30 deg/s, gyro z alone": (GYRO[:, 2:] + 30, ACCEL[:, :0]),
+    "turns by 1 deg/s, and gravity with it": (GYRO + along(1 + 0 * T), ACCEL + FALLEN),
+    "swings at up to 30 deg/s": (GYRO + along(30 * np.sin(T / 100)), ACCEL),
+    "drives": (GYRO + along(5 * np.sin(T / 7) * np.sin(T / 31)), ACCEL + along(BUMPS)),
+    "sways by half a degree a second": (GYRO + along(0.5 * np.sin(T / 1.5)), ACCEL),
 }
 
 
 @pytest.mark.parametrize("case", MOVING)
 def test_motion_is_not_static(case):
     """Property: no stretch of a log that moves throughout covers a tenth of it."""
-    of_gyro, of_accel = MOVING[case]
-    accel = ACCEL[:, :0] if of_accel is None else ACCEL + of_accel
-    gyro = (GYRO + of_gyro)[:, 2:] if of_accel is None else GYRO + of_gyro
-    assert sum(stop - start for start, stop in stretches(gyro, accel)) < 60
+    assert sum(stop - start for start, stop in stretches(*MOVING[case])) < 60
 
 
 def test_the_static_stretches_are_found():
@@ -94,9 +87,9 @@ def test_a_slow_turn_is_doubted():
     """Property: 12 deg/s may be an offset or a turn, which is said; 4.5 deg/s is an offset."""
     channels = [Channel(f"gyro_{k}", "deg/s", "rate", y) for k, y in enumerate(GYRO.T)]
     about = {"rate_hz": RATE, "samples": N}
-    assert static_logs.standstill.static_part(Log(channels=tuple(channels), **about)).repairs == ()
+    assert static_part(Log(channels=tuple(channels), **about)).repairs == ()
     faster = (*channels[:2], Channel("gyro_2", "deg/s", "rate", GYRO[:, 2] + 12))
-    doubt = static_logs.standstill.static_part(Log(channels=faster, **about)).repairs[0]
+    doubt = static_part(Log(channels=faster, **about)).repairs[0]
     assert "a large offset at rest, or a steady turn, which this log cannot tell" in doubt
 
 
@@ -107,7 +100,7 @@ def test_a_slow_turn_is_doubted():
 def test_real_static_logs_are_static(name):
     """Published: these sensors lay still."""
     log = where_here(logs.read, name)
-    assert static_logs.standstill.static_part(log) is log
+    assert static_part(log) is log
 
 
 TURNS, BOTH = "gyro=deg/s", "gyro=deg/s,accel=g"
@@ -121,12 +114,9 @@ RIDES = {
 @pytest.mark.parametrize("name", RIDES)
 def test_real_rides_get_no_table(name):
     """Published: the car stops for 38, 10 and 19 s of 549; motorbike and phone hardly at all."""
-    path = Path(os.environ.get(datasets.FOLDER_VARIABLE, "nowhere"), name)
-    if not path.is_file():
-        pytest.skip(f"{name} is not here")
     options, says = RIDES[name]
-    with pytest.raises(static_logs.standstill.Moving, match=says):
-        static_logs.standstill.static_part(logs.read(path, **options))
+    log = logs.read(where_here(datasets.path, name), **options)
+    refused(Moving, says, static_part, log)
 
 
 # --- the contract of `report` --------------------------------------------------------------------
@@ -187,17 +177,10 @@ def test_a_cut_keeps_the_time_of_the_file(tmp_path):
     """Analytic: with --from, the stretch is still counted from the first row of the file."""
     log = logs.read(write(tmp_path, ((T < 30) | (T > 100))[:6000]), start=25)
     assert log.start_s == 25
-    part = static_logs.standstill.static_part(log)
+    part = static_part(log)
     np.testing.assert_allclose(part.used, [30, 100], atol=5)
     again = logs.read(tmp_path / "my.csv", start=part.used[0], stop=part.used[1])
     np.testing.assert_array_equal(part.channels[0].values, again.channels[0].values)
-
-
-def test_angles_and_positions_are_taken_as_static():
-    """Property: without gyros and accelerometers nothing is cut."""
-    roll = Channel("roll", "deg", "angle", 10 * np.sin(T / 50))
-    log = Log(rate_hz=RATE, channels=(roll,), samples=N)
-    assert static_logs.standstill.static_part(log) is log
 
 
 def receiver(velocity, seconds=900, seed=5):
@@ -211,12 +194,15 @@ def receiver(velocity, seconds=900, seed=5):
 
 
 def test_a_receiver_in_motion_is_no_static_log():
-    """Property: a wander and a jump are rest; a walk and a slow boat are not, `replay` is named."""
-    rest = receiver(0.0)
-    assert static_logs.standstill.static_part(rest) is rest
+    """Property: a wander and a jump are rest; a walk and a slow boat are not, `replay` is named.
+
+    Nothing is cut of angles, without gyros and accelerometers.
+    """
+    roll = Channel("roll", "deg", "angle", 10 * np.sin(T / 50))
+    for rest in (receiver(0.0), Log(rate_hz=RATE, channels=(roll,), samples=N)):
+        assert static_part(rest) is rest
+    said = r"positions move; .*replay 'my logs/a\.csv' --out"
     for speed in (0.5, 1.2, 20.0):
-        said = r"positions move; .*replay 'my logs/a\.csv' --out"
-        with pytest.raises(static_logs.standstill.Moving, match=said):
-            static_logs.standstill.static_part(receiver(speed))
-    parked = static_logs.standstill.static_part(receiver(10.0 * (np.arange(900) < 200)))
+        refused(Moving, said, static_part, receiver(speed))
+    parked = static_part(receiver(10.0 * (np.arange(900) < 200)))
     assert parked.used == pytest.approx((200, 900), abs=100)  # a block of 100 s

@@ -13,8 +13,6 @@ from scipy.spatial.transform import Rotation
 
 from analysis import CannotAnswer, WrongUsage, terrain_data, wrap
 from analysis.terrain import antennas, centre_line, terrain_map
-from analysis.terrain.antennas import AntennaMounting, remove_jumps, smooth_onto
-from analysis.terrain.terrain_map import Profile
 from sensorlogs import datasets, road_logs
 from studies import surveys
 
@@ -42,17 +40,21 @@ def truth(s):
     return np.degrees(np.arctan(grade)), roll, height
 
 
+def placed(middle, angles, places):
+    """Lay a vehicle's antennas out, (3, n, 3): places in it, its middle and its angles (n, 3)."""
+    body = Rotation.from_euler("ZYX", angles, degrees=True)
+    return np.stack([body.apply(p)[:, [1, 0, 2]] * [1, 1, -1] for p in places]) + middle
+
+
 def drive(way, *, speed=10.0, rounds=1.1, start=-20.0, noise=0.0, aside=0.0, rng=None):
     """Antenna positions of a lap (3, n, 3), clockwise or against it, and s of the track."""
     s = way * (start + speed * DT * np.arange(int(rounds * LENGTH / speed / DT)))
-    pitch, roll, height = truth(s)
-    east, north, course = plan(s)
+    (pitch, roll, height), (east, north, course) = truth(s), plan(s)
     at = np.column_stack([east, north, height])
     at[:, :2] += aside * np.column_stack([np.cos(course), -np.sin(course)])  # to the right
     yaw = np.degrees(course) + (0.0 if way > 0 else 180.0)
-    body = Rotation.from_euler("ZYX", np.column_stack([yaw, way * pitch, way * roll]), degrees=True)
     places = np.array([FRONT, LEFT, RIGHT]) - (np.array(LEFT) + RIGHT) / 2
-    lap = np.stack([body.apply(p)[:, [1, 0, 2]] * [1, 1, -1] for p in places]) + at
+    lap = placed(at, np.column_stack([yaw, way * pitch, way * roll]), places)
     return (lap + noise * rng.standard_normal(lap.shape) if noise else lap), s
 
 
@@ -65,7 +67,7 @@ def mounting_of_the_van():
     return frame.as_euler("ZYX", degrees=True)
 
 
-MOUNTING = AntennaMounting(*mounting_of_the_van())
+MOUNTING = antennas.AntennaMounting(*mounting_of_the_van())
 
 
 def line_of(laps):
@@ -103,7 +105,7 @@ def test_attitude_of_a_known_van():
     yaw, *found = antennas.attitude(lap, MOUNTING)
     np.testing.assert_allclose(found, [pitch, roll], atol=1e-9)
     np.testing.assert_allclose(wrap(yaw - np.degrees(plan(s)[2])), 0.0, atol=1e-9)
-    _, *raw = antennas.attitude(lap / 9, AntennaMounting())
+    _, *raw = antennas.attitude(lap / 9, antennas.AntennaMounting())
     np.testing.assert_allclose(MOUNTING.antenna_attitude(*found), raw, atol=1e-9)
 
 
@@ -189,12 +191,13 @@ def test_what_is_left_of_a_mounting():
     roll = np.where(wrong, 25.0, -0.4 + 0.1 * (speed - 10))
     yaw = np.degrees(course + bend * speed * DT / 2) + 0.7 + 40 * bend
     angles = np.column_stack([yaw, np.degrees(np.arctan(grade)) + 0.3, roll])
-    attitude = Rotation.from_euler("ZYX", angles, degrees=True)
-    places = (2.5, 0, 0), (0, -0.7, 0), (0, 0.7, 0)
-    lap = [middle + attitude.apply(p)[:, [1, 0, 2]] * [1, 1, -1] for p in places]
-    good = ~(slow | tight | ends)
+    lap, good = (
+        placed(middle, angles, [(2.5, 0, 0), (0, -0.7, 0), (0, 0.7, 0)]),
+        ~(slow | tight | ends),
+    )
     expected = 0.7, 0.3, np.average(roll[good], weights=speed[good])
-    assert antennas.residuals(lap, AntennaMounting(), DT) == pytest.approx(expected, abs=0.02)
+    found = antennas.residuals(lap, antennas.AntennaMounting(), DT)
+    assert found == pytest.approx(expected, abs=0.02)
 
 
 def test_the_map_recovers_a_known_road():
@@ -223,9 +226,8 @@ def test_the_bound_of_a_sine():
     """Analytic: for h = a sin(k s) the mean squared slope is (a k)^2 / 2."""
     step, n, a, k = 0.5, 2000, 2.0, 2 * np.pi / 50.0
     values = a * np.sin(k * step * np.arange(n))
-    zero = dict.fromkeys(Profile.__dataclass_fields__, np.zeros(n))
-    closed = {"s_m": step * np.arange(n), "pitch_deg": values, "roll_deg": values}
-    made = Profile(**zero | closed | {"length_m": step * n})
+    columns = dict.fromkeys(terrain_map.Profile.__dataclass_fields__, values)
+    made = terrain_map.Profile(**columns | {"s_m": step * np.arange(n), "length_m": step * n})
     bound = made.position_bound({"pitch": 0.1}, 100.0, 2.0)
     expected = 1 / np.sqrt((a * k) ** 2 / 2 / 0.1**2 * 100.0 / 2.0)
     np.testing.assert_allclose(bound, expected, rtol=2e-3)  # central differences at k h / 2 = 0.03
@@ -247,7 +249,7 @@ def test_jumps_and_a_drift_on_a_straight_climb():
     climb = 0.05 * s + 0.2 * ((s >= 400) & (s < 450))  # as steep as a road
     broken = climb + 20 * ((s > 800) & (s <= 1000)) + 0.38 * ((s > 2099) & (s <= 2199))
     broken += 0.06 * (s - 1500) * ((s > 1500) & (s <= 1540))
-    cleaned, level, jumps = remove_jumps(s, broken)
+    cleaned, level, jumps = antennas.remove_jumps(s, broken)
     assert jumps.tolist() == [1600, 2000, 3080, 4198, 4398]
     np.testing.assert_allclose(cleaned, climb, atol=1e-9)
     kept = [(0, 725), (1075.5, 1389), (1652, 2024), (2274.5, 2500)]  # 75 m less, 300 m or more
@@ -259,8 +261,9 @@ def test_resampling_keeps_a_slope_and_smooths_a_wave():
     s = np.sort(np.random.default_rng(9).uniform(0.0, 1000.0, 9000))
     s[[0, -1]] = 0.0, 1000.0
     at, k = np.arange(30.0, 970.0, 5.0), 2 * np.pi / 40
-    found, left = smooth_onto(s, 0.03 * s + np.sin(k * s), at, 5.0), np.exp(-((5 * k) ** 2) / 2)
-    np.testing.assert_allclose(found[5:-5], (0.03 * at + left * np.sin(k * at))[5:-5], atol=0.01)
+    found = antennas.smooth_onto(s, 0.03 * s + np.sin(k * s), at, 5.0)
+    known = 0.03 * at + np.exp(-((5 * k) ** 2) / 2) * np.sin(k * at)
+    np.testing.assert_allclose(found[5:-5], known[5:-5], atol=0.01)
 
 
 def test_the_committed_highway():
@@ -313,37 +316,32 @@ def test_leaving_a_lap_out_leaves_it_out(name, left):
 # ---------------------------------------------------------------- what is refused
 
 
-def write_log(path, lap, *, mode=6, without=(), counts=True, epochs=None):
-    """Write antenna positions (3, n, 3) about the gate as a van's log."""
+def write_log(path, lap, *, mode=6, without="", epochs=None):
+    """Write antenna positions (3, n, 3) about the gate as a van's log, but for one table."""
     n = lap.shape[1]
     t = 1.7e9 + DT * (np.arange(n) if epochs is None else np.resize(epochs, n))
-    tables = {}
+    fine = np.linspace(0.0, n * DT, 10 * n)
+    driven = {"C1Counts": -1.0 - 2.02e5 * fine, "C2Counts": 1.0 + 2.02e5 * fine}
+    tables = {"Encoder_Raw": {"ROS_Time": 1.7e9 - 0.04 + fine} | driven}
     for name, (east, north, up) in zip(road_logs.ANTENNAS, lap.transpose(0, 2, 1), strict=True):
         # The reader takes heights as written and drops the third of the local axes.
         lat, lon, _ = pymap3d.enu2geodetic(east, north, up, *surveys.GATE, 0.0)
         values = {"GPS_Time": t, "ROS_Time": t - 0.04, "Latitude": lat, "Longitude": lon}
-        values |= {"Altitude": up, "GeoSep": np.zeros(n), "DGPS_mode": np.full(n, mode)}
-        tables |= {} if name in without else {f"GPS_SparkFun_{name}_GGA": values}
-    if counts:
-        fine = np.linspace(0.0, n * DT, 10 * n)
-        driven = {"C1Counts": -1.0 - 2.02e5 * fine, "C2Counts": 1.0 + 2.02e5 * fine}
-        tables["Encoder_Raw"] = {"ROS_Time": 1.7e9 - 0.04 + fine} | driven
+        values |= {"Altitude": up, "GeoSep": np.zeros(n), "DGPS_mode": np.full(n, float(mode))}
+        tables[f"GPS_SparkFun_{name}_GGA"] = values
     with h5py.File(path, "w") as file:
-        for name, values in tables.items():
-            for column, v in values.items():
-                file[f"rawData/{name}/{column}"] = np.asarray(v, dtype=float)[None]
+        for name in tables.keys() - {without}:
+            for column, values in tables[name].items():
+                file[f"rawData/{name}/{column}"] = values[None]
     return path
 
 
-def van_on(direction, part=slice(None), backward=False):
+def van_on(direction, part=slice(None)):
     """Antenna positions of the synthetic van on the committed map."""
     known = terrain_data.profile(direction)
     s, curve = np.arange(0.0, known.length_m - 1.0, 1.0)[part], known.line.curves()
-    (e1, n1) = curve(s, 1).T
-    at = np.column_stack([curve(s), np.full(len(s), 300.0)])
-    body = Rotation.from_euler("Z", np.degrees(np.arctan2(e1, n1))[:, None], degrees=True)
-    lap = np.stack([body.apply(p)[:, [1, 0, 2]] * [1, 1, -1] for p in (FRONT, LEFT, RIGHT)]) + at
-    return lap[:, ::-1] if backward else lap
+    (e1, n1), at = curve(s, 1).T, np.column_stack([curve(s), np.full(len(s), 300.0)])
+    return placed(at, np.degrees(np.arctan2(e1, n1))[:, None] * [1, 0, 0], [FRONT, LEFT, RIGHT])
 
 
 def test_a_lap_of_ones_own_is_laid_on_the_map(tmp_path):
@@ -355,33 +353,30 @@ def test_a_lap_of_ones_own_is_laid_on_the_map(tmp_path):
     assert np.abs(lap.offset_m).max() < 0.02 and lap.fixed.all()
 
 
-@pytest.mark.parametrize(
-    ("made", "words"),
-    [({"without": ("Front",)}, r"mine\.mat: no antenna 'GPS_SparkFun_Front_GGA'.*all three"),
-     ({"mode": 1}, r"mine\.mat: antenna Front is never RTK fixed \(DGPS_mode 6\)"),
-     ({"counts": False}, r"mine\.mat: no wheel encoder 'Encoder_Raw'"),
-     ({"epochs": [0, 1, 3, 2]}, r"mine\.mat: the GPS time of antenna Front .* after epoch 3"),
-     ({"epochs": np.arange(200) * 60}, r"mine\.mat: .* span 0\.3 h for 200 epochs; cut out one")],
-)  # fmt: skip
-def test_a_log_without_rtk_or_an_antenna_is_refused(tmp_path, made, words):
-    """Property: one sentence that names the file and what it lacks."""
-    path = write_log(tmp_path / "mine.mat", van_on("ccw", slice(0, 200)), **made)
-    refused(CannotAnswer, words, terrain_data.lap_and_map, path, "ccw")
+VAN, LONGER = van_on("ccw", slice(0, 200)), van_on("ccw", slice(0, 300))
+AWAY = np.repeat([0, 1, 2], [200, 50, 50])[:, None] * [40.0, 60.0, 0.0]  # the farther is told
 
 
-def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
-    """Property: a lap off the map, one against its direction, a missing file: a sentence each."""
-    away, mine, laid = van_on("ccw", slice(0, 300)), tmp_path / "mine.mat", terrain_data.lap_and_map
-    away[:, 200:] += [40.0, 60.0, 0.0]
-    away[:, 250:] += [40.0, 60.0, 0.0]  # twice as far: that is told
-    for lap, words in (
-        (away, r"mine\.mat: the lap leaves the map: it is [3-9]\d m to the"),
-        (van_on("ccw", backward=True), r"mine\.mat: the lap runs against the map's direction"),
-        (van_on("cw"), "against the map's direction"),
-    ):
-        refused(CannotAnswer, words, laid, write_log(mine, lap), "ccw")
-    refused(CannotAnswer, r"^missing\.mat: no such file$", laid, tmp_path / "missing.mat", "ccw")
-    refused(WrongUsage, "no direction 'north'; there are: ccw, cw", laid, mine, "north")
+@pytest.mark.parametrize(("lap", "made", "words"), [
+    (VAN, {"without": "GPS_SparkFun_Front_GGA"}, "no antenna 'GPS_SparkFun_Front_GGA'.*all three"),
+    (VAN, {"mode": 1}, r"antenna Front is never RTK fixed \(DGPS_mode 6\)"),
+    (VAN, {"without": "Encoder_Raw"}, "no wheel encoder 'Encoder_Raw'"),
+    (VAN, {"epochs": [0, 1, 3, 2]}, "the GPS time of antenna Front .* after epoch 3"),
+    (VAN, {"epochs": np.arange(200) * 60}, r".* span 0\.3 h for 200 epochs; cut out one"),
+    (LONGER + AWAY, {}, r"the lap leaves the map: it is [3-9]\d m to the"),
+    (van_on("ccw")[:, ::-1], {}, "the lap runs against the map's direction"),
+    (van_on("cw"), {}, ".*against the map's direction")], ids=range(8))  # fmt: skip
+def test_a_log_that_is_no_lap_of_the_map_is_refused(tmp_path, lap, made, words):
+    """Property: one sentence that names the file and what it lacks, or how it leaves the map."""
+    path = write_log(tmp_path / "mine.mat", lap, **made)
+    refused(CannotAnswer, rf"mine\.mat: {words}", terrain_data.lap_and_map, path, "ccw")
+
+
+def test_what_is_not_there_is_refused(tmp_path):
+    """Property: a missing file, a direction or a lap by no name: a sentence each."""
+    path, laid = tmp_path / "missing.mat", terrain_data.lap_and_map
+    refused(CannotAnswer, r"^missing\.mat: no such file$", laid, path, "ccw")
+    refused(WrongUsage, "no direction 'north'; there are: ccw, cw", laid, path, "north")
     refused(WrongUsage, "no lap 'x'", terrain_data.lap, "x")
 
 
@@ -411,7 +406,7 @@ def test_a_map_with_a_gap_is_refused():
 def test_antennas_that_were_never_there_give_no_attitude():
     """Property: a sentence, and no row of nothing."""
     for place in (np.nan, 7.0):  # nowhere, or all in one place
-        given = [np.full((50, 3), place)] * 3, AntennaMounting()
+        given = [np.full((50, 3), place)] * 3, antennas.AntennaMounting()
         refused(CannotAnswer, "no epoch has a position", antennas.attitude, *given)
 
 

@@ -7,9 +7,8 @@ from refused import refused
 from scipy.linalg import expm
 
 from analysis import CannotAnswer, WrongUsage, terrain_data
-from analysis.terrain import point_mass
-from analysis.terrain.assumptions import Setup
-from analysis.terrain.terrain_map import GRAIN, AttitudeMap, Profile
+from analysis.terrain import AttitudeMap, Setup, point_mass
+from analysis.terrain.terrain_map import GRAIN, Profile
 from analysis.terrain.ukf import Ukf, bias_state_matrices
 
 SEED = 20111
@@ -32,10 +31,10 @@ def test_process_noise_is_van_loans():
     np.testing.assert_allclose(Q[1:, 1:], M[2:, 2:].T @ M[:2, 2:], rtol=dt / T)
 
 
-@pytest.mark.parametrize(
-    ("channels", "further"),
-    [(1, "none"), (2, "none"), (1, "bias states"), (1, "bias states and map error")],
-)
+OF_FILTERS = (1, "none"), (2, "none"), (1, "bias states"), (1, "bias states and map error")
+
+
+@pytest.mark.parametrize(("channels", "further"), OF_FILTERS)
 def test_equals_filterpy(channels, further):
     """cross-check: filterpy's filter on the same inputs, states and covariances, to rounding."""
     rng = np.random.default_rng(SEED)
@@ -54,8 +53,7 @@ def test_equals_filterpy(channels, further):
         return np.concatenate([x[:1] + u, turned, keep * x[1 + gyro :]])
 
     def look(x):
-        error = x[1] if gyro else 0.0
-        return road.at(x[0]) + error + (x[1 + gyro :] if of_map else 0.0)
+        return road.at(x[0]) + (x[1] if gyro else 0.0) + (x[1 + gyro :] if of_map else 0.0)
 
     points = MerweScaledSigmaPoints(n, 1.0, 0.0, 3 - n)
     theirs = UnscentedKalmanFilter(n, channels, 0.01, look, move, points)

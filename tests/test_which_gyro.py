@@ -21,9 +21,8 @@ def test_the_interval_decides():
         assert sorted(r["error"].value for r in found["rows"]) == sorted(used["error_m"])
         answers = [r["answer"] for r in found["rows"]]
         assert answers == sorted(answers, key=["yes", "open", "no"].index)
-        for row in found["rows"]:
-            expected = "open" if row["error"].low <= 0.5 < row["error"].high else "yes"
-            assert row["answer"] == ("no" if row["error"].low > 0.5 else expected)
+        for answer, of in ((r["answer"], r["error"]) for r in found["rows"]):
+            assert answer == ("no" if of.low > 0.5 else "open" if of.high > 0.5 else "yes")
         prices = [r["price"] for r in found["rows"] if r["answer"] == "yes" and r["price"]]
         assert prices == sorted(prices)
 
@@ -32,8 +31,8 @@ def test_below_what_the_map_allows_no_gyro_is_enough():
     """Property: the best gyro's error is the limit, and the page names what limits."""
     found = which_gyro.answer(0.1)
     assert {r["answer"] for r in found["rows"]} == {"no"} and found["limit"].low > 0.1
-    told = page("which-gyro.txt", found)
-    assert "No gyro is enough: the map limits. See also --exact-map." in told
+    words = "No gyro is enough: the map limits. See also --exact-map."
+    assert words in page("which-gyro.txt", found)
     exact = which_gyro.answer(0.15, exact_map=True)
     assert exact["limit"].high < 0.15 and {r["answer"] for r in exact["rows"]} > {"yes"}
     for wrong in (0.0, -1.0, np.nan, np.inf):
