@@ -147,8 +147,7 @@ def with_whittle(y, dt):
         ratio = power / _density(theta, f, dt)
         return np.sign(ratio - 1) * np.sqrt(2 * k * np.maximum(ratio - 1 - np.log(ratio), 0))
 
-    variances = np.array([power[-1] / dt, y.var()])
-    fitted, terms, slopes = _least(deviance, variances, len(y) * dt, dt)
+    fitted, terms, slopes = _least(deviance, np.array([power[-1] / dt, y.var()]), len(y) * dt, dt)
     return _with_intervals(fitted, terms, np.linalg.pinv(slopes.T @ slopes))
 
 
@@ -181,12 +180,16 @@ def _least(residuals, variances, length, dt):
 
 
 def _with_intervals(fitted, terms, covariance):
-    """Give value, low and high of the terms, whose logarithms have a covariance; others zero."""
+    """Give value, low and high of the terms, whose logarithms have a covariance; others zero.
+
+    A term so small that the data say nothing of it, a white noise behind a filter, has none either.
+    """
     found = dict.fromkeys(FITTED, (0.0, np.nan, np.nan))
     with np.errstate(over="ignore"):
         factor = np.exp(norm.ppf(0.975) * np.sqrt(np.diagonal(covariance)))
-    ends = zip(fitted[terms], fitted[terms] / factor, fitted[terms] * factor, strict=True)
-    return found | {FITTED[k]: tuple(map(float, one)) for k, one in zip(terms, ends, strict=True)}
+    value, known = fitted[terms], (1 < factor) & (factor < np.inf)
+    ends = zip(terms, value, value / factor, value * factor, known, strict=True)
+    return found | {FITTED[k]: tuple(map(float, one)) for k, *one, there in ends if there}
 
 
 OTHERS = {

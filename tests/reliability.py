@@ -1,10 +1,13 @@
 """Hostile logs and killed runs, counted in `tests/reliability.csv`.
 
 ``python tests/reliability.py logs 100000``: bytes of a sample of every format changed at random,
-each read as a log at rest and as one that moved. ``python tests/reliability.py kills 50``: commands
-killed at so many random moments, and run again. Both say what they find.
+each read as a log at rest and as one that moved. ``python tests/reliability.py verbs 500``: whole
+commands on such logs, and on those of receivers. ``python tests/reliability.py kills 50``: commands
+killed at so many random moments, and run again. All say what they find.
 """
 
+import contextlib
+import io
 import os
 import resource
 import shutil
@@ -27,9 +30,17 @@ from test_formats import FORMATS, WrongUsage, flags_of, write
 
 import sensorlogs
 from analysis import ROOT
+from workbench import cli
 
 TABLE = ROOT / "tests" / "reliability.csv"
 PATIENCE, MEMORY = 30, 6 << 30  # s, bytes: what one log may take
+WORKING = 600  # s, a whole command
+VERBS = (
+    "channels {log}",
+    "report {log} --out out",
+    "replay {log} --out out",
+    "compare {log} {other} --out out",
+)
 HOSTILE = (
     b"nan", b"-inf", b"1e999", b"-", b"", b"1e-320", b"9" * 400, b"\x00", b"\xff\xfe", b'"', b"=",
 )  # fmt: skip
@@ -120,6 +131,45 @@ def logs(count, seed=1):
     tell("hostile logs", sum(total.values()), total["failed"], f"logs {count}")
 
 
+def command(name, content, seed):
+    """Give a mutant to a whole command, in this process: say what should not have come of it."""
+    rng, said = np.random.default_rng(seed), io.StringIO()
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        for file in ("log.dat", "other.dat"):
+            Path(file).write_bytes(mutated(content, rng))
+        words = VERBS[rng.integers(len(VERBS))].format(log="log.dat", other="other.dat").split()
+        signal.signal(signal.SIGALRM, _late)
+        signal.alarm(WORKING)
+        try:
+            with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+                status = cli.main(words)
+            told = said.getvalue()
+            if status in (0, 1, 2) and not (status and Path("out").exists()):
+                wrong = next((w for w in ("Traceback", "RuntimeWarning") if w in told), "")
+            else:
+                wrong = f"status {status}, {os.listdir()}"
+        except BaseException as error:
+            wrong = f"{type(error).__name__}: {error}"[:150]
+        signal.alarm(0)
+    return wrong and (name, words[0], seed[-1], wrong)
+
+
+def verbs(count, seed=1):
+    """Give mutants of samples of every format and of receivers' logs to whole commands."""
+    work = [(p.name, p.read_bytes()) for p in (ROOT / "data/raw/gpsd").glob("*.log")]
+    for name, *_ in FORMATS:
+        with tempfile.TemporaryDirectory() as folder:
+            path = write(name, Path(folder))
+            work += [] if path.is_dir() else [(name, path.read_bytes())]
+    results = joblib.Parallel(-1, return_as="generator_unordered")(
+        joblib.delayed(command)(*work[n % len(work)], (seed, n)) for n in range(count)
+    )
+    bad = [found for found in results if found]
+    for found in sorted(bad):
+        print(*found, sep="; ")
+    tell("hostile commands", count, len(bad), f"verbs {count}")
+
+
 def tree(folder):
     """What lies in a folder, with its bytes; drawn pictures and pages of them only by name."""
     return {
@@ -190,6 +240,6 @@ def tell(what, tried, failed, asked):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 3 or sys.argv[1] not in ("logs", "kills"):
+    if len(sys.argv) != 3 or sys.argv[1] not in ("logs", "verbs", "kills"):
         raise SystemExit(__doc__)
-    {"logs": logs, "kills": kills}[sys.argv[1]](int(sys.argv[2]))
+    {"logs": logs, "verbs": verbs, "kills": kills}[sys.argv[1]](int(sys.argv[2]))

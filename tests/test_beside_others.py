@@ -62,6 +62,13 @@ def test_intervals_of_a_gauss_markov_bias(read):
     assert np.mean([one["rrw"][0] > 0 for one in found]) <= 0.3
 
 
+def test_white_noise_behind_a_filter_is_not_given():
+    """property: a fit that says nothing of N has none: its digits would be the processor's."""
+    walk = np.cumsum(np.random.default_rng(6).standard_normal(20_000))
+    smooth = np.convolve(walk, np.ones(50) / 50, mode="valid")
+    assert entries.with_gmwm(smooth, DT)["arw"][0] == 0.0
+
+
 def test_summary_counts(capsys):
     """published: no value, wrong, right, right; 2 of 3 are 9.4 to 99.2 % (Clopper-Pearson)."""
     rows = pd.DataFrame({"run": range(4), "method": "m", "parameter": "rrw", "truth": 1.0})

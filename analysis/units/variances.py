@@ -27,7 +27,7 @@ from analysis.noise.position import effective_samples
 from analysis.units.metrics import normal_factor, root_mean_square
 
 SMALLEST = 1e-8  # of the largest difference's variance: stands for zero
-NEARLY_ZERO = 1e-3  # of the other end of a range: shown as zero
+NEARLY_ZERO = 1e-2  # of the other end of a range: what the search leaves of zero
 ROUNDS, PROFILE = 200, 60  # rounds of the fit; variances tried for an interval
 CORRELATIONS = (0.2, 0.5)  # between two units, assumed for the ranges
 ASSUMED, WIDE = 0.2, 2.0  # a range of a standard deviation over this ratio is wide

@@ -571,7 +571,7 @@ def _levels(column: pd.Series) -> float:
 def _norm(frame, names) -> float:
     """Return the median length of the vector that some columns are; turning does not change it."""
     vectors = frame[list(names)].dropna().to_numpy(dtype=float)
-    return float(np.median(np.linalg.norm(vectors, axis=1))) if len(vectors) else 0.0
+    return float(np.median(np.hypot.reduce(vectors, axis=1))) if len(vectors) else 0.0
 
 
 def _gravity(frame, accels) -> str | None:

@@ -419,7 +419,7 @@ class _Rows:
                 f"accelerometers: say --columns gyro_x_deg_s={names[0]} and so on for each axis"
             )
         gyro, accel = np.split(readings[rows] * [c.scale * IN_SI[c.unit] for c in chosen], 2, 1)
-        norm = float(np.median(np.linalg.norm(accel, axis=1)))
+        norm = float(np.median(np.hypot.reduce(accel, axis=1)))
         if columns.gravity_unit(norm, 0.25) != "m/s^2":
             raise WrongUsage(
                 f"{self.file}, columns {', '.join(names[3:])}: the median length is {norm:.3g} "
