@@ -187,7 +187,7 @@ def _with_intervals(fitted, terms, covariance):
     found = dict.fromkeys(FITTED, (0.0, np.nan, np.nan))
     with np.errstate(over="ignore"):
         factor = np.exp(norm.ppf(0.975) * np.sqrt(np.diagonal(covariance)))
-    value, known = fitted[terms], (1 < factor) & (factor < np.inf)
+    value, known = fitted[terms], (factor > 1) & (factor < np.inf)
     ends = zip(terms, value, value / factor, value * factor, known, strict=True)
     return found | {FITTED[k]: tuple(map(float, one)) for k, *one, there in ends if there}
 
