@@ -31,12 +31,19 @@ def simulate(angles, rng, *, bias=(0.0, 0.0, 0.0), noise=(0.002, 0.02)):
     return gyro.tolist(), (accel + noise[1] * rng.standard_normal(accel.shape)).tolist()
 
 
-def run(block, gyro, accel, *, static=True, heading=None, vehicle=None, every=RATE):
-    """Feed samples, an epoch each ``every``, at rest or not; headings are one per epoch."""
+def run(
+    block, gyro, accel, *, static=math.inf, heading=None, vehicle=None, every=RATE,
+    dt=1 / RATE, then=lambda block: None,
+):  # fmt: skip
+    """Feed samples, an epoch each ``every``, at rest for ``static`` s; headings are one per epoch.
+
+    After each epoch ``then`` is called with the block.
+    """
     for k, (w, f) in enumerate(zip(gyro, accel, strict=True)):
-        block.imu(w, f, 1 / RATE, static)
+        block.imu(w, f, dt, k < static * RATE)
         if k % every == every - 1:
-            block.epoch(static, heading and heading[k // every], vehicle=vehicle)
+            block.epoch(k < static * RATE, heading and heading[k // every], vehicle=vehicle)
+            then(block)
     return block
 
 
@@ -192,7 +199,7 @@ def test_single_precision_stays_single():
     t = np.arange(0, 10, 1 / RATE)
     samples = simulate(np.outer(np.sin(t), [0.2, 0.1, 0.05]), np.random.default_rng(8))
     rows = [[tuple(r) for r in np.array(a, np.float32)] for a in samples]
-    single = run(Attitude(np.float32), *rows, static=False)
+    single = run(Attitude(np.float32), *rows, static=0)
     states = [*single.tilt.x, *single.yaw.x, *single.bias.x, single.tilt.p, single.yaw.p]
     states += [p for row in single.bias.P for p in row]
     assert {type(state) for state in states} == {np.float32}
@@ -231,8 +238,46 @@ def test_bias_is_found_without_ever_standing():
     noisy = (0.05, 0.3)  # no first second of rest to read the bias from
     samples = simulate(np.column_stack([0 * t, 0 * t, yaw]), rng, bias=bias, noise=noisy)
     heading = (yaw[RATE - 1 :: RATE] + 0.02 * rng.standard_normal(120)).tolist()
-    block = run(Attitude(), *samples, static=False, heading=heading, vehicle=0.0)
+    block = run(Attitude(), *samples, static=0, heading=heading, vehicle=0.0)
     np.testing.assert_allclose(np.degrees(block.bias.x), np.degrees(bias), atol=0.3)
     assert np.abs(np.degrees(block.angles[:2])).max() < 2.0
-    blind = run(Attitude(), *samples, static=False, heading=heading)  # accelerations not known
+    blind = run(Attitude(), *samples, static=0, heading=heading)  # accelerations not known
     np.testing.assert_allclose(np.degrees(blind.bias.x), [0.0, 0.0, 2.0], atol=0.3)
+
+
+def test_a_turning_sensor_is_followed():
+    """analytic: rolling and pitching by 20 deg to half a degree; the first heading sets yaw.
+
+    A turn of 90 deg after it comes from the gyro.
+    """
+    rng, t = np.random.default_rng(2), np.arange(0, 40, 1 / RATE)
+    roll, pitch = 20 * np.where(t > 5, [np.sin(t - 5), np.cos(t - 5) - 1], 0.0)
+    angles = np.column_stack([roll, pitch, 30 + 9 * np.clip(t - 15, 0, 10)])
+    heading = [math.radians(30) if 5 < k < 12 else None for k in range(40)]
+    samples, found = simulate(np.radians(angles), rng), []
+    block = run(
+        Attitude(), *samples, static=5, heading=heading, then=lambda of: found.append(of.angles)
+    )
+    off = np.degrees(found) - angles[RATE - 1 :: RATE]
+    assert np.abs(off[:, :2]).max() < 0.5 and np.abs(off[6:, 2]).max() < 1.0
+    assert np.isnan(off[:6, 2]).all() and block.heading_known
+
+
+def test_a_gyro_sampled_too_seldom_is_not_believed():
+    """property: turning between samples as it likes, the level is the accelerometer's, to 3 deg."""
+    rng, t = np.random.default_rng(5), np.arange(0, 300, 1 / RATE)
+    sway = np.radians(15) * np.column_stack([np.sin(2.3 * t), np.sin(1.7 * t), 0 * t])
+    samples, found = (of[RATE - 1 :: RATE] for of in simulate(sway, rng)), []
+    given = {"static": 0, "vehicle": 0.0, "every": 1, "dt": 1.0}
+    run(Attitude(), *samples, **given, then=lambda block: found.append(block.angles[:2]))
+    off = np.degrees(np.subtract(found, sway[RATE - 1 :: RATE, :2]))[30:]
+    assert (np.sqrt(np.mean(off**2, axis=0)) < 3.0).all()
+
+
+def test_a_lasting_acceleration_is_no_tilt():
+    """property: 0.5 m/s^2 sideways for 30 s, as in a long U-turn, tilts by less than 0.5 deg."""
+    gyro, accel = map(np.array, simulate(np.zeros((60 * RATE, 3)), np.random.default_rng(5)))
+    accel[30 * RATE :, 1] += 0.5
+    block = run(Attitude(), gyro, accel, static=30, vehicle=0.25)
+    assert abs(math.degrees(block.angles[0])) < 0.5
+    assert block.horizontal[1] == pytest.approx(0.5, abs=0.15)  # noise of one sample

@@ -230,6 +230,13 @@ def test_the_last_digits_of_the_likelihood_decide_nothing(log, k, monkeypatch):
         assert not off.any()
 
 
+def test_an_end_that_is_hit_is_the_end():
+    """analytic: a fall of x^2 is 4 at 2, where the search begins; it was left by up to 1e-6."""
+    box = np.zeros(1, bool), np.full(1, -9.0), np.full(1, 9.0)
+    surface = Surface(lambda x: -0.5 * x[:, 0] ** 2, lambda point: np.eye(1), *box)
+    assert interval(surface, np.zeros(1), 0.0, np.ones(1), threshold=4.0) == (-2.0, 2.0)
+
+
 @pytest.mark.parametrize("sizes", [(False, False, False), (True, True, False)])
 @pytest.mark.parametrize("along", [(1.0, 0.0, 0.0), (0.0, 2.0, 0.5)])
 def test_profile_of_a_parabola(along, sizes, monkeypatch):
@@ -428,3 +435,12 @@ def test_a_richer_model_is_never_worse(seed):
     np.testing.assert_array_equal(likelihood.fit("N+GM+K").point, richer.point)  # by default these
     assert richer.log_likelihood > max(s.log_likelihood for s in simpler) - 1e-3
     assert richer.aic == pytest.approx(2 * 4 - 2 * richer.log_likelihood, abs=1e-3)
+
+
+def test_white_noise_behind_a_first_order_low_pass_is_its_plateau():
+    """analytic: sigma_v of the unfiltered noise, where the filtered one is a Gauss-Markov bias."""
+    n, dt, keep = 60_000, 0.1, np.exp(-0.1 / 0.8)
+    y = lfilter([1 - keep], [1, -keep], 0.06 * np.random.default_rng(3).standard_normal(n))
+    found = infer(y, dt, "deg/s", "rate", np.random.default_rng(4))
+    e, bias = found.parameters["sigma_v"], found.parameters["sigma_b"]
+    assert e.resolved and e.low < 0.06 < e.high < 1.25 * e.low and not bias.resolved

@@ -200,13 +200,14 @@ def _along_u(stretch, terms, covariance, normal, rng):
         v = block_diag(*((outer[both] * signs) @ outer[both].swapaxes(1, 2)))
         v += np.diag(diagonal[both].ravel())
         at_first = (outer[both, :, :used] * factor[both, None]).reshape(2 * bins, used)
-        at_last = at_first * np.repeat([1, -1], bins)[:, None]
-        left = v - at_first @ at_first.T  # of a random walk across gaps, rounding may be left
+        left = v - at_first @ at_first.T
+        # Of a random walk across gaps rounding may be left: no variance is less than that.
         lift = max(ROUNDED * v.max() - np.linalg.eigvalsh(left)[0], 0.0)
         root = np.linalg.cholesky(left + lift * np.eye(2 * bins))
         own = normal[:, both].reshape(logs, 2 * bins)
         drawn[:, both] = (state @ at_first.T + own @ root.T).reshape(logs, 2, bins)
-        shared = np.linalg.solve(root, at_last - at_first * stay[k])
+        # At the last sample odd coefficients have the other sign.
+        shared = np.linalg.solve(root, at_first * (np.repeat([1, -1], bins)[:, None] - stay[k]))
         size, turn = np.linalg.eigh(np.diag(1 - stay[k] ** 2) - shared.T @ shared)
         new = rng.standard_normal((2, logs, used))
         state = stay[k] * state + own @ shared + new[0] * np.sqrt(np.maximum(size, 0)) @ turn.T

@@ -230,8 +230,10 @@ def interval(surface, best, value, along, *, threshold=THRESHOLD):
             # The other coordinates are at their best, so only the pivot's slope is left.
             rise = -sign * gradient[pivot] / along[pivot]
             onward = step - over * root / rise if rise > 0 else np.inf
-            onward = min(onward, inside + FARTHER * step)
-            onward = onward if inside < onward < outside else (inside + outside) / 2
+            # At the root it is up to rounding whether Newton's step is inside the bounds.
+            if rise <= 0 or abs(over) > EXACT * root:
+                onward = min(onward, inside + FARTHER * step)
+                onward = onward if inside < onward < outside else (inside + outside) / 2
             if abs(onward - step) <= EXACT * max(step, first):
                 return float(centre + sign * onward)
             step = onward

@@ -22,7 +22,7 @@ from analysis.tracker.smoother import Recorded
 from sensorlogs.timeline import Timeline
 
 NEEDS = "needs positions and an IMU"
-ROW_S = 1.0  # without GNSS: one row a second, so that the blocks that need none can be seen
+ROW_S = 1.0  # without GNSS: one row a second of samples, to see the blocks that need none
 Z_UP = 0.9 * STANDARD_GRAVITY  # along z on average: within 25 deg of upside down
 CONTRADICTION = 3.0  # m/s^2 over a second: emergency braking, or axes mixed up
 CONTRADICTION_SHARE = 0.2  # of the epochs
@@ -220,12 +220,12 @@ def _samples(imu, number):
 
 
 def _epochs(gnss, imu):
-    """Turn the arrays into epochs; without GNSS, into empty ones, one a second."""
+    """Turn the arrays into epochs; without GNSS, into empty ones, one a second that has samples."""
     if gnss is None and imu is None:
         return []
     if gnss is None:
-        times = np.arange(imu.t_s[0] + ROW_S, imu.t_s[-1] + 1e-9, ROW_S).tolist()
-        return [Epoch(t, None, *[math.nan] * 5) for t in times]
+        times = imu.t_s[0] + ROW_S * np.unique(np.ceil((imu.t_s - imu.t_s[0]) / ROW_S))[1:]
+        return [Epoch(t, None, *[math.nan] * 5) for t in times.tolist() if t <= imu.t_s[-1] + 1e-9]
     has = gnss.has_fix & np.isfinite(gnss.lat_deg) & np.isfinite(gnss.lon_deg)
     places = np.column_stack([gnss.lat_deg, gnss.lon_deg, gnss.height_m])
     readings = [gnss.t_s, gnss.pdop, gnss.speed_m_s, np.radians(gnss.course_deg)]
