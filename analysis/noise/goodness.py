@@ -18,7 +18,6 @@ from analysis.noise.notes import said
 from analysis.noise.parameters import SIZES, SLOW, WHITE
 from analysis.noise.spectrum import outline
 
-OCTAVES = 24
 ALPHA = 0.003  # probability at which a test fails
 PRACTICAL = 0.2  # of the power: a smaller misfit is shown, and decides nothing
 FEWEST_SLOW = 12  # coefficients of slow noise that can be tested
@@ -80,7 +79,7 @@ def goodness_of_fit(likelihood, fit) -> tuple[Test, list[Disturbance]]:
     lost = np.einsum("ij,ijhb->hb", inverse, products)
     shares = terms.sigma_v[0] ** 2 / stretch.m / variance
     parts = left / variance, np.maximum(stretch.count - lost, 0.0), stretch.count * shares
-    octave, (power, freedom, white, count) = by_octave(stretch, OCTAVES, *parts, stretch.count)
+    octave, (power, freedom, white, count) = by_octave(stretch, *parts, stretch.count)
     chance = _two_sided(power, freedom) * max((freedom >= 1).sum(), 1)
     chance, off = np.minimum(chance, 1.0), power / np.maximum(freedom, 1e-9) - 1
     worst = int(np.argmin(chance))
@@ -103,18 +102,19 @@ def goodness_of_fit(likelihood, fit) -> tuple[Test, list[Disturbance]]:
     return test, misfits
 
 
-def by_octave(stretch, most, *parts):
-    """Sum what is known of each bin over the octaves.
+def by_octave(stretch, *parts):
+    """Sum what is known of each bin over the octaves, from the highest.
 
     Returns
     -------
     octave : ndarray of int, shape (h, bins)
-        Of each bin, from 0, the highest; `most` where it is lower, or the bin is empty.
-    sums : list of ndarray, shape (most,)
+        Of each bin; -1 for the mean of the log, and where the bin is empty.
+    sums : list of ndarray, shape (octaves,)
     """
-    octave = np.floor(-0.5 * np.log2(np.maximum(stretch.lam, 1e-18) / 4)).astype(int)
-    octave = np.where(stretch.count > 0, np.minimum(octave, most), most)
-    return octave, [np.bincount(octave.ravel(), part.ravel(), most + 1)[:-1] for part in parts]
+    there = (stretch.count > 0) & (stretch.lam > 0)
+    octave = np.where(there, np.floor(-0.5 * np.log2(np.where(there, stretch.lam, 1.0) / 4)), -1)
+    octave = octave.astype(int)
+    return octave, [np.bincount(octave[there], part[there]) for part in parts]
 
 
 def stationarity_of(coarse: Coarse, noise: Terms) -> tuple[Test, list[Disturbance]]:

@@ -575,7 +575,7 @@ def disagreement(likelihood, fit):
     variance = bin_variance(stretch, likelihood.terms(fit))[0]
     # Each coefficient counts once, whatever the slope of the spectrum.
     parts = stretch.yy / variance, stretch.count
-    measured, count = by_octave(stretch, OCTAVES, *parts)[1]
+    measured, count = (sums[:OCTAVES] for sums in by_octave(stretch, *parts)[1])
     off = measured[count > 0] / count[count > 0] - 1
     error = np.sqrt(2 / count[count > 0])
     return float(np.abs(off).max()), bool(np.any(np.abs(off) > np.maximum(AGREE, BEYOND * error)))
