@@ -294,8 +294,8 @@ def judge_logs(found, agree_low, agree_high):
     verdict : str
         A log whose interval lies partly outside the range speaks neither for the claim nor against.
     value, low, high : float
-        Median and middle 95 % of the values, logs without a value last; of true or false, the share
-        of the logs in which it is true, without interval.
+        Median and middle 95 % of the values, logs without a value last, each if some log gives
+        more; of true or false, the share of the logs in which it is true, without interval.
     """
     if len(found) < FEWEST_LOGS:
         raise WrongUsage(f"{len(found)} logs: a verdict takes at least {FEWEST_LOGS}")
@@ -317,7 +317,8 @@ def judge_logs(found, agree_low, agree_high):
     values = np.where(missing, np.inf, each[:, 0])
     method: Any = "nearest" if missing.any() else "linear"
     middle = np.quantile(values, [0.5, 0.025, 0.975], method=method)
-    return verdict, tuple(v if np.isfinite(v) else None for v in middle)
+    most = np.nanmax(each[:, 0], initial=-np.inf) if missing.any() else np.inf
+    return verdict, tuple(v if v < most else None for v in middle)
 
 
 class Ledger:

@@ -1,4 +1,4 @@
-"""What a whole drive tells of single blocks: rest, outages, mounting angle and starts.
+"""What a whole drive tells of single blocks: rest, outages, mounting angle and wrong fixes.
 
 References of which no device could do the same: they look ahead, or run a log again and again.
 """
@@ -12,18 +12,15 @@ import pandas as pd
 from analysis import STANDARD_GRAVITY, Estimate, wrap
 from analysis.tracker.at_rest import SIGMA_FORCE, SIGMA_RATE, StaticTest
 from analysis.tracker.device import Options
-from analysis.tracker.last_position import GATE_ALONE, Frame
+from analysis.tracker.last_position import Frame
 from analysis.tracker.log_replay import stepped
 from analysis.tracker.motion import steps
-from analysis.tracker.starts import CRITERIA, begin
 from sensorlogs.timeline import Gnss, Imu, Timeline
 
 WINDOW_S = 2.0  # s that the statistics of rest look back
 FASTEST_STOP = 3.0  # m/s, above which an outage begins, once the mounting angle is known
-AFTER_S = 5.0  # from the first fix, as long as criteria wait for fixes to agree where all is well
-AFTER = f"the paper's gate, {AFTER_S:g} s later"
 BLOCK = 20  # epochs of a block of its bootstrap: longer than what rider and road correlate
-LATER_S, GOOD_PDOP = (5.0, 15.0), 4.0  # fixes that tell where the receiver was some seconds before
+AWAY_S, GOOD_PDOP = (5.0, 15.0), 4.0  # fixes that tell where the receiver was
 
 
 def rest_statistics(timeline: Timeline) -> pd.DataFrame:
@@ -226,19 +223,22 @@ def _angle(design, force):
     return float(np.degrees(-np.arctan2(forward @ right, forward @ ahead)) % 360)
 
 
-def errors_by_later_fixes(gnss: Gnss) -> np.ndarray:
-    """Judge each fix by the good ones 5 to 15 s later, carried back at the receiver's own speed.
+def errors_by_good_fixes(gnss: Gnss, *, later: bool) -> np.ndarray:
+    """Judge each fix by the good ones 5 to 15 s later, or earlier, carried to it at their speed.
 
-    What is wrong for longer than that does not show.
+    What is wrong for longer than that does not show. A fix that is judged by later ones comes
+    before good ones, so neither judge alone sees all fixes, and waiting pays by later ones alone.
 
     Parameters
     ----------
     gnss : Gnss
+    later : bool
+        Else earlier.
 
     Returns
     -------
     ndarray, shape (n,)
-        m; NaN without a fix, and where too few good ones follow.
+        m; NaN without a fix, and where there are too few good ones.
     """
     off, at = np.full(len(gnss.t_s), np.nan), np.flatnonzero(gnss.has_fix)
     if not len(at):
@@ -253,37 +253,12 @@ def errors_by_later_fixes(gnss: Gnss) -> np.ndarray:
     moved = np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
     lost = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(t) - 3.0, 0.0))])
     good = (gnss.pdop[at] <= GOOD_PDOP) & ~(gnss.mode[at] < 3)
-    low, high = (np.searchsorted(t, t + s) for s in LATER_S)
+    ends = AWAY_S if later else (-AWAY_S[1], -AWAY_S[0])
+    low, high = (np.searchsorted(t, t + s) for s in ends)
     for k in range(len(at)):
-        later = np.arange(low[k], high[k])
-        later = later[good[later] & (lost[later] == lost[k])]
-        if len(later) >= 3:
-            back = np.median(place[later] - (moved[later] - moved[k]), axis=0)
-            off[at[k]] = np.hypot(*(place[k] - back))
+        near = np.arange(low[k], high[k])
+        near = near[good[near] & (lost[near] == lost[k])]
+        if len(near) >= 3:
+            there = np.median(place[near] - (moved[near] - moved[k]), axis=0)
+            off[at[k]] = np.hypot(*(place[k] - there))
     return off
-
-
-def starts_of_a_drive(gnss: Gnss, every_s: float) -> pd.DataFrame:
-    """Switch block 1 on every so many seconds of a drive, as if the receiver had just started.
-
-    Parameters
-    ----------
-    gnss : Gnss
-    every_s : float
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each start that can be judged and set of criteria: ``t_s``, ``criteria``,
-        ``wait_s``, ``off_m`` (by later fixes); and for the paper's gate, asked `AFTER_S` later.
-    """
-    off, rows = errors_by_later_fixes(gnss), []
-    for start in np.arange(gnss.t_s[0], gnss.t_s[-1] - 60.0, every_s):
-        k = int(np.searchsorted(gnss.t_s, start))
-        found = {name: begin(gnss, off, None, k, **kinds) for name, kinds in CRITERIA.items()}
-        first = k + int(np.argmax(gnss.has_fix[k:]))  # from which waits are counted
-        later = int(np.searchsorted(gnss.t_s, gnss.t_s[first] + AFTER_S))
-        found[AFTER] = begin(gnss, off, None, later, **GATE_ALONE)
-        if all(row["off_m"] == row["off_m"] for row in found.values()):
-            rows += [{"t_s": start, "criteria": name} | row for name, row in found.items()]
-    return pd.DataFrame(rows).drop(columns=["flagged", "refused_m"])

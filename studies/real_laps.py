@@ -19,6 +19,7 @@ from studies import seed
 SEED, DRAWS = seed(2011), 100  # of the gyro's noise and of the first position
 WATCHED = 20  # draws with which the laps are watched for a wrong place
 SENSORS = {"tactical": Sensor(0.001, 0.0001), "MEMS": Sensor(0.01, 0.01)}  # terrain paper
+TIMES = (1, 4, 30)  # R over R_0
 ASSUMED = (0.5, 1.0, 2.0, 4.0)  # sqrt(R) over the scatter of the map
 RESAMPLES, AGAIN = 4000, 400  # of shares, of quantiles
 MOMENTS = 300  # of a lap, in quantiles of its error
@@ -38,16 +39,17 @@ def runs():
         gyro, lap, rms_m, lost, nees. ``stability``: times (sqrt(R) over the scatter of the map),
         gyro, and the share of runs lost by filters without and with bias states; more_low,
         more_high, the interval of the difference. ``alarms``: disturbance, laps (watched), alarms
-        and found (share of the laps with one), worst_m (largest error at the end where a place was
-        taken). ``causes``: whether map error and wheels are a lap's own or as simulations assume
-        them, and reach_m of the MEMS gyro with four states, reach_low, reach_high (95 %).
+        and found (share of the laps with one), alarms_low, alarms_high (95 %), worst_m (largest
+        error at the end where a place was taken). ``causes``: whether map error and wheels are a
+        lap's own or as simulations assume them, and reach_m of the MEMS gyro with four states,
+        reach_low, reach_high (95 %).
     """
     setup = Setup.reference(terrain_data.profile("ccw").length_m)
     real = {name: terrain_data.lap_and_map(name) for name in terrain_data.laps()}
     errors = {name: terrain_data.map_error(name) for name in real}
     same, slower = {"runs": DRAWS, "seed": SEED}, replace(setup, every=10)  # 10 Hz, four states
     sensors = {
-        (f"R = {t:g} R0", k): s._replace(R=t * setup.R) for t in (1, 4) for k, s in SENSORS.items()
+        (f"R = {t:g} R0", k): s._replace(R=t * setup.R) for t in TIMES for k, s in SENSORS.items()
     }
     plain = terrain.track_real_laps(real, sensors, setup, **same)
     states = terrain.track_real_laps(real, SENSORS, slower, **same, map_errors=errors)
@@ -64,8 +66,7 @@ def runs():
             about | {"lap": n, "rms_m": rms[n], "lost": share, "nees": of.nees()[k]}
             for (n, of), share in zip(of_laps.items(), lost.mean(axis=1), strict=True)
         ]
-        low, high = _interval(lost, rng)
-        high = max(high, 1 - 0.025 ** (1 / DRAWS))  # what no loss in any draw would leave open
+        low, high = _of_share(lost, rng)
         better = sum(rms[n] < alone[n] for n in rms)
         row = {"rms_m": np.median([*rms.values()]), "reach_m": np.quantile(moments, 0.95)}
         row |= {"better": better, "lost": lost.mean(), "lost_low": low, "lost_high": high}
@@ -73,7 +74,7 @@ def runs():
     rows += [{"filter": "odometry alone", "lap": n, "rms_m": alone[n]} for n in alone]
     tables = {"filters": pd.DataFrame(filters), "laps": pd.DataFrame(rows)}
     tables["stability"] = _stability(real, setup, same, rng)
-    tables["alarms"] = _alarms(real, errors, slower)
+    tables["alarms"] = _alarms(real, errors, slower, rng)
     tables["causes"] = _causes(real, errors, slower, rng)
     source = {
         "title": "Real laps of the test track with simulated gyros",
@@ -91,6 +92,12 @@ def _interval(of, rng, measure=np.mean, resamples=None):
     return resampling.interval(
         np.array([measure(of[np.ix_(a, b)]) for a, b in zip(laps, draws, strict=True)])
     )
+
+
+def _of_share(of, rng):
+    """Give the interval of a share; it holds what as many draws, all alike, leave open."""
+    (low, high), least = _interval(of, rng), 0.025 ** (1 / of.shape[1])
+    return min(low, least), max(high, 1 - least)
 
 
 def _stability(real, setup, same, rng):
@@ -117,7 +124,7 @@ def _stability(real, setup, same, rng):
     return pd.DataFrame(rows)
 
 
-def _alarms(real, errors, slower):
+def _alarms(real, errors, slower, rng):
     """Watch each lap with several draws of the MEMS gyro, disturbed and not."""
     watched = [
         terrain.watch_real_laps(real, errors, SENSORS["MEMS"], slower, seed=SEED + k)
@@ -128,6 +135,8 @@ def _alarms(real, errors, slower):
     named = table.assign(alarms=table["alarms"] > 0, found=table["found"] > 0)
     groups = named.groupby("disturbance", sort=False)
     means = groups[["alarms", "found"]].mean().assign(laps=groups.size())
+    by_lap = (group["alarms"].to_numpy(float).reshape(WATCHED, -1).T for _, group in groups)
+    means[["alarms_low", "alarms_high"]] = [_of_share(of, rng) for of in by_lap]
     return means.assign(worst_m=groups["worst_m"].max()).reset_index()
 
 

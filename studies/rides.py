@@ -30,7 +30,6 @@ NMEA_DRIVES = {
     "Munich": "car-genivi/munich-gps.nmea.gz",
     "Switzerland": "car-genivi/20100403_Z205_Switzerland.txt.gz",
 }
-START_EVERY_S = {"Munich": 10.0, "Switzerland": 60.0}
 METRES_PER_PDOP = 5.0  # of a reported 68 % accuracy, where a phone gives no PDOP
 Z_UP_TO_DOWN = np.array([1.0, -1.0, -1.0])
 PARKED = (3744.0, 5009.0)  # s: the longest stationary period of the drive, 1265 s at a speed of 0
@@ -390,41 +389,41 @@ def cold_phone():
 
 
 def starts():
-    """Switch block 1 on at many moments of two drives whose receivers state PDOP and mode.
+    """Judge the fixes of two drives whose receivers state PDOP and mode, by earlier and later ones.
 
     Returns
     -------
     dict
         Source.
     dict of pandas.DataFrame
-        ``starts``, as `starts_of_a_drive`, with the ``log``; ``fixes``: for each log and kind of
-        fix their number and the median and 95 % of their errors by later fixes, m.
+        ``fixes``: for each log, kind of fix and judge (later or earlier good fixes) their number,
+        in how many spells, and the median and 95 % of their errors, m.
     """
-    tables, fixes, notes = [], [], []
+    fixes, notes = [], []
     for name, file in NMEA_DRIVES.items():
         log = read_moving([datasets.path(file)])
-        gnss, off = log.gnss, drives.errors_by_later_fixes(log.gnss)
-        tables.append(drives.starts_of_a_drive(gnss, START_EVERY_S[name]).assign(log=name))
-        flat, known = gnss.mode < 3, np.isfinite(off)
+        gnss, flat = log.gnss, log.gnss.mode < 3
         kinds = {
             "two dimensions, PDOP to 10": flat & (gnss.pdop <= 10),
             "three, PDOP to 5": ~flat & (gnss.pdop <= 5),
             "three, PDOP 5 to 10": ~flat & (gnss.pdop > 5) & (gnss.pdop <= 10),
             "PDOP over 10": gnss.pdop > 10,
         }
-        for kind, which in kinds.items():
-            error = off[which & known]
-            row = {"log": name, "kind": kind, "judged": len(error)}
-            row |= dict(zip(("median_m", "p95_m"), np.quantile(error, [0.5, 0.95]), strict=True))
-            fixes.append(row)
+        for judge in ("later", "earlier"):
+            off = drives.errors_by_good_fixes(gnss, later=judge == "later")
+            for kind, which in kinds.items():
+                judged = which & np.isfinite(off)
+                median, p95 = np.quantile(off[judged], [0.5, 0.95])
+                spells = np.sum(np.diff(np.flatnonzero(judged)) > 1) + 1
+                row = {"log": name, "kind": kind, "judge": judge, "judged": judged.sum()}
+                fixes.append(row | {"spells": spells, "median_m": median, "p95_m": p95})
         notes += log.notes
     source = {
         "title": "two receivers in cars, NMEA with GSA, 31 min and 2 h 57 min",
         **datasets.origin(*NMEA_DRIVES.values()),
         "notes": notes,
     }
-    tables = {"starts": pd.concat(tables), "fixes": pd.DataFrame(fixes)}
-    return source, {key: store.rounded(table, 4) for key, table in tables.items()}
+    return source, {"fixes": store.rounded(pd.DataFrame(fixes), 4)}
 
 
 def turned(name):

@@ -153,21 +153,10 @@ def drive(wrong):
     return fixes(15.0 * np.arange(200), east, 2.0, 0.0, True), east
 
 
-def test_fixes_are_judged_by_later_ones():
+@pytest.mark.parametrize("later", [True, False])
+def test_fixes_are_judged_by_good_ones(later):
     """analytic: on a straight drive the error of a wild fix comes out, that of good ones is 0."""
     gnss, east = drive({50: 30.0, 51: -12.0})
-    error = drives.errors_by_later_fixes(gnss)
-    assert np.isnan(error[-4:]).all()
-    np.testing.assert_allclose(error[:190], np.abs(east[:190]), atol=0.05)
-
-
-def test_a_drive_has_many_starts():
-    """property: a start at a wild fix waits for good ones, with the gate alone it takes it."""
-    gnss, _ = drive({60: 40.0})
-    table = drives.starts_of_a_drive(gnss, 20.0).set_index(["criteria", "t_s"])
-    names = list(starts.CRITERIA)
-    alone, every = table.loc[names[0]], table.loc[names[-1]]
-    assert alone.loc[60.0, "off_m"] == pytest.approx(40.0, abs=0.1)
-    assert every.loc[60.0, "off_m"] < 0.1 and every.loc[60.0, "wait_s"] == 6.0
-    assert (table.loc[drives.AFTER, "off_m"] < 0.1).all()  # whatever was at the first fix
-    assert (alone["wait_s"] == 0).all() and (every["wait_s"].drop(60.0) == 5.0).all()
+    error = drives.errors_by_good_fixes(gnss, later=later)
+    assert np.isnan(error[-4:] if later else error[:4]).all()
+    np.testing.assert_allclose(error[10:190], np.abs(east[10:190]), atol=0.05)
