@@ -208,7 +208,8 @@ def fitted_model(ax: Axes, noise: ChannelNoise, *, color: str = "k", legend: boo
     dt = float(noise.short[0][1] - noise.short[0][0])
     tau = noise.allan.tau[noise.allan.tau >= noise.fitted_from - dt / 2]
     model = adev_of_terms(chosen["terms"], tau, dt)
-    terms, duration = noise.fit["terms"], float(noise.whole[0][-1] + noise.whole[0][0])
+    terms = [t for t in noise.fit["terms"] if t["kind"] != "temperature"]  # not in the curve
+    duration = float(noise.whole[0][-1] + noise.whole[0][0])
     signal = adev_of_signal(terms, noise.line[1], tau, duration)
     named = ", ".join(dict.fromkeys(["line", *(t["kind"].replace("_", "-") for t in terms)]))
     hidden = "" if legend else f"_{plain(noise.name)}, "

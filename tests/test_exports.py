@@ -304,6 +304,28 @@ def test_a_tool_gives_the_curve_of_the_log_back(tool, monkeypatch):
     assert exports.stand_in(still["channels"][1], still["source"], np.radians(0.00915)) is None
 
 
+def test_what_is_fitted_beside_the_noise_is_in_no_stand_in():
+    """property: with a step in the log the curve is that of the fitted noise, white here."""
+    log = stored.read_model("adis16405")
+    channel, source = log["channels"][0], log["source"]
+    white = channel["parameters"]["sigma_v"]["value"]
+    N = np.radians(white) / np.sqrt(source["rate_hz"])
+    assert exports.stand_in(channel, source, N)[3] > 0.9
+    channel["fit"]["terms"] = [{"kind": "step", "parameters": {}}]
+    channel["models"] = [{"chosen": True, "terms": {"sigma_v": [white]}}]
+    assert exports.stand_in(channel, source, N) is None
+
+
+def test_a_stand_in_counts_where_no_axis_resolves_more():
+    """property: one number a triad is of the axes that resolve their slow noise."""
+    x = {"N": 1.0, "walk": 5.0, "sigma_b": 5.0, "corr_time": 2.0, "stands_in": ["slow"]}
+    y = {"N": 1.0, "walk": 1.0, "sigma_b": 1.0, "corr_time": 2.0, "stands_in": []}
+    both = exports.Triad("gyroscope", {"x": x, "y": y})
+    assert both.mean("walk") == 1.0 and both.process == (1.0, 2.0) and both.mean("N") == 1.0
+    alone = exports.Triad("gyroscope", {"x": x})
+    assert alone.mean("walk") == 5.0 and alone.process == (5.0, 2.0)
+
+
 def test_a_stand_in_replaces_nothing_that_is_resolved():
     """Property: with N unresolved, K stays; with a curve that has no numbers, nothing stands in."""
     log = stored.read_model("adis16405")

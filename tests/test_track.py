@@ -93,6 +93,7 @@ def test_gpx_is_read_back_by_our_own_reader(tmp_path):
     np.testing.assert_allclose(t - t[0], known_t - known_t[0], atol=2e-3)
     root = ElementTree.parse(tmp_path / "track.gpx").getroot()
     assert (root.tag, root.get("version")) == (f"{{{pages.GPX}}}gpx", "1.1") and root.get("creator")
+    assert log.start_utc[:23] == root.find(".//{*}time").text[:23]
     ((name, *segments),) = root
     assert name.tag.endswith("}name") and segments
     for segment in segments:

@@ -717,7 +717,7 @@ def test_two_units_give_a_sum():
     assert found.sigma[0].high == pytest.approx(5.0, rel=0.1)
     assert "only the sum" in found.note and list(found.allowed) == [0.2, 0.5]
     for rho, ends in found.allowed.items():  # most where the other has rho of it
-        most = (x[0] - x[1]).std() / np.sqrt(1 - rho**2)
+        most = found.sigma[0].high / np.sqrt(1 - rho**2)
         np.testing.assert_allclose(ends, [[0, most]] * 2, rtol=1e-3, atol=0.01)
     x = np.random.default_rng(10).standard_normal((1, 500))
     refused(CannotAnswer, "the same readings", unit_variances, np.vstack([x, x]))

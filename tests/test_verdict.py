@@ -151,6 +151,30 @@ def test_the_mean_of_a_log_with_a_step():
     assert (still.low - moved.low, moved.high - still.high) == pytest.approx((0.75, 0.25), abs=one)
 
 
+def test_the_mean_of_a_log_with_a_line_in_temperature():
+    """analytic: 2 per K over 3 K, evenly: the mean may be 3 off on either side."""
+    warm = {"kind": "temperature", "parameters": {"amplitude": {"value": 2.0}}}
+    degrees = np.linspace(20.0, 23.0, len(GYRO.whole[0]))
+    moved = replace(GYRO, fit=GYRO.fit | {"terms": [warm]}, temperature=degrees)
+    still, moved = map(verdict.mean_reading, (GYRO, moved))
+    assert (still.low - moved.low, moved.high - still.high) == pytest.approx((3.0, 3.0))
+
+
+def test_a_sensor_that_filters_and_one_alone():
+    """property: of gyros alone no shift shows; behind a low-pass no sample scatters by sigma_v."""
+    quiet = np.repeat(GYRO.short[1][: len(GYRO.short[1]) // 8], 8)
+    gyros = static_logs.read("mpu6050-gyro")
+    for short, tau, says in ((GYRO.short[1], GYRO.fitted_from, False), (quiet, 0.64, True)):
+        own = replace(GYRO, short=(GYRO.short[0][: len(short)], short), fitted_from=tau)
+        rest = verdict.at_rest(replace(gyros, channels=(own,)))
+        why = sentences(*rest.why)
+        assert "No turn in the gyros; without accelerometers" in why
+        assert (
+            "scatter less than σ_v, as behind a low-pass filter: N holds from 0.64 s" in why
+        ) == says
+        assert "low-pass" not in sentences(*verdict.at_rest(gyros).why)
+
+
 def test_the_mean_of_a_coarse_reading():
     """Analytic: within one step a reading says nothing; half a step more is the interval."""
     fit = GYRO.fit | {"disturbances": [{"kind": "resolution"}]}
@@ -169,6 +193,9 @@ def test_temperature_is_separated_from_the_drift(tmp_path, no_pictures):
     (channel,) = told["channels"]
     said = sentences([verdict.temperature_part(channel)])
     assert said in page
+    warm_up = {"kind": "warm_up", "parameters": {"amplitude": {"value": 1.0}}}
+    instead = replace(channel, fit=channel.fit | {"terms": [warm_up]})
+    assert "cannot be told apart" in sentences([verdict.temperature_part(instead)])
     ends = re.search(r"Coefficient [\d.]+ \(([\d.]+) to ([\d.]+)\) °/h/K", said).groups()
     assert float(ends[0]) < 36 < float(ends[1])
     assert "temperature (°C)" in [ax.get_ylabel() for ax in plots.four_panels(channel, "").axes]

@@ -107,9 +107,9 @@ def unit_variances(
         raise CannotAnswer(
             f"about {independent_samples:.0f} independent differences: too few for variances"
         )
-    allowed = {rho: np.sqrt(_range(s, rho)) for rho in correlations}
     if count == 2:
-        return _two(x, unit, allowed)
+        return _two(x, unit, correlations)
+    allowed = {rho: np.sqrt(_range(s, rho)) for rho in correlations}
     hat, freedom = _hat(x, s)
     best = _joint(s, np.full((1, count), s.max() / 2), range(count))[0]
     independent = tuple(_interval(s, best, i, f, unit) for i, f in enumerate(freedom))
@@ -134,15 +134,19 @@ def unit_variances(
     return Variances(tuple(sigma), independent, hat, p, allowed, note)
 
 
-def _two(x, unit, allowed) -> Variances:
-    """Say what two units tell: the sum of their variances."""
+def _two(x, unit, correlations) -> Variances:
+    """Say what two units tell: the sum of their variances.
+
+    If they are correlated by r, neither is larger than the difference over sqrt(1 - r^2).
+    """
     total = root_mean_square(x[0] - x[1], unit)
     note = (
         f"two units: only the sum of their variances is known, √(σ₁² + σ₂²) = {total:.3g}, "
         "if they are independent; a third unit would part it"
     )
     bound = Estimate.refused(unit, note, low=0.0, high=total.high)
-    both = (bound, bound)
+    both, high = (bound, bound), np.nan if total.high is None else total.high
+    allowed = {r: np.tile([0.0, high / np.sqrt(1 - r**2)], (2, 1)) for r in correlations}
     return Variances(both, both, np.full(2, np.nan), float("nan"), allowed, note)
 
 

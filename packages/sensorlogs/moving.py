@@ -162,8 +162,10 @@ def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | Non
                 f"switched on again there, or its clock jumped ahead; {len(gaps)} times in all"
             )
         again = sorted({*again, *gaps})
-    said = tuple(dict.fromkeys(notes))
-    return Timeline(gnss, imu, found.start, said, sources, attitude, zero, clock, tuple(again))
+    said, start = tuple(dict.fromkeys(notes)), found.start
+    if start is None and clock == times.UNIX:
+        start = datetime.datetime.fromtimestamp(zero, datetime.UTC).isoformat()
+    return Timeline(gnss, imu, start, said, sources, attitude, zero, clock, tuple(again))
 
 
 def _assigned(part: Part, wanted: dict[str, str], used: set[str]) -> Part:

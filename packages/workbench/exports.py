@@ -46,7 +46,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from analysis import CannotAnswer, Estimate, WrongUsage
-from analysis.noise.models import UnifiedModel
+from analysis.noise.models import UnifiedModel, adev_of_terms
 from analysis.noise.parameters import random_walk_unit
 from sensorlogs.columns import AXES, IN_SI, KIND_OF_UNIT, words
 from workbench import conventions, pages
@@ -90,9 +90,13 @@ class Triad:
         return [self.axes.get(k, {}).get(name) for k in "xyz"]
 
     def mean(self, name):
-        """Root mean square of a number over the axes that have it, or None."""
-        values = [v for v in self.each(name) if v is not None]
-        return float(np.sqrt(np.mean(np.square(values)))) if values else None
+        """Root mean square of a number over the axes that resolve it, or None.
+
+        Stand-ins count where no axis does.
+        """
+        axes = [axis for axis in self.axes.values() if axis[name]]
+        axes = [a for a in axes if ("N" if name == "N" else "slow") not in a["stands_in"]] or axes
+        return float(np.sqrt(np.mean([axis[name] ** 2 for axis in axes]))) if axes else None
 
     def bound(self, name):
         """Largest upper bound of N or walk, for a filter where no axis has a value; or None."""
@@ -104,9 +108,12 @@ class Triad:
         """One (sigma_b, T_c) for three axes, or None.
 
         Root mean squares of sigma_b and of its random walk, so that both keep their mean power:
-        T_c = 2 sigma_b^2 / K^2. Axes that only have a random walk count where no axis has more.
+        T_c = 2 sigma_b^2 / K^2. A stand-in counts where no axis resolves one; an axis that only
+        has a random walk, where no axis has more.
         """
-        processes = [(a["sigma_b"], a["corr_time"]) for a in self.axes.values() if a["sigma_b"]]
+        axes = [a for a in self.axes.values() if a["sigma_b"]]
+        axes = [a for a in axes if "slow" not in a["stands_in"]] or axes
+        processes = [(a["sigma_b"], a["corr_time"]) for a in axes]
         processes = [p for p in processes if p[1] < FOREVER] or processes
         if not processes:
             return None
@@ -221,9 +228,11 @@ def _in_every_convention(triad, dt):
     per, unit = (np.degrees(1.0), "°/s") if gyro else (1.0, "m/s²")
     for axis in triad.axes.values():
         bias = axis["sigma_b"], axis["corr_time"]
-        sigma, time = bias if axis["gauss_markov"] else (np.nan, np.nan)
-        white = per * (np.nan if axis["N"] is None else axis["N"])
-        sensors[axis["channel"]] = conventions.side_by_side(white, per * sigma, time, dt, unit)
+        own = axis["gauss_markov"] and "slow" not in axis["stands_in"]
+        sigma, time = bias if own else (np.nan, np.nan)
+        white, B, K = (per * (np.nan if axis[k] is None else axis[k]) for k in "NBK")
+        values = conventions.side_by_side(white, per * sigma, time, dt, unit, B=B, K=K)
+        sensors[axis["channel"]] = values
     return conventions.table(sensors, dt, unit)
 
 
@@ -296,7 +305,8 @@ def _axis(channel, source, strict):
     Returns
     -------
     dict
-        ``N``, ``K``: white noise, U sqrt(s), and rate random walk, U/sqrt(s), or None;
+        ``N``, ``K``, ``B``: white noise, U sqrt(s), rate random walk, U/sqrt(s), and bias
+        instability, U, or None;
         ``N_bound``, ``walk_bound``: their upper bounds; ``sigma_b``, ``corr_time``: of the bias, or
         of the random walk K as the same process with a correlation time of 30 years;
         ``gauss_markov``: sigma_b, but None for that walk; ``walk``: random walk of the bias for
@@ -305,8 +315,9 @@ def _axis(channel, source, strict):
             K_total^2 = K^2 + 2 sigma_b^2 / T_c
 
         ``stands_in``: which of N and slow (sigma_b and corr_time) the log does not resolve, and
-        `stand_in` gives; ``estimates``: every parameter by its symbol; ``terms``: what was fitted
-        beside the noise, in the log's own unit, with its amplitude and times.
+        `stand_in` gives, with its share ``in_band``; ``estimates``: every parameter by its symbol;
+        ``terms``: what was fitted beside the noise, in the log's own unit, with its amplitude and
+        times.
     """
     unit, parameters = channel["unit"], channel["parameters"]
     white = "arw" if channel["kind"] == "rate" else "vrw"
@@ -327,13 +338,14 @@ def _axis(channel, source, strict):
 
     N = estimate(white, random_walk_unit(unit), random_walk_unit(si), factor)
     K = estimate("rrw", f"{unit}/sqrt(s)", f"{si}/sqrt(s)", factor)
+    B = estimate("bias_instability", unit, si, factor)
     slow = {"sigma_b": estimate("sigma_b", unit, si, factor)}
     slow["T_c"] = estimate("corr_time", "s", "s", 1.0)
     bias = tuple(e.value for e in slow.values()) if all(e.resolved for e in slow.values()) else None
     lacks = {"N": N.value is None, "slow": not (bias or K.value)}
     as_seen = None if strict or not any(lacks.values()) else stand_in(channel, source, N.value)
     if as_seen and lacks["slow"]:
-        bias = as_seen[1:]
+        bias = as_seen[1:3]
     walks = (conventions.diffusion(*bias) if bias else 0.0), K.value or 0.0
     one = (conventions.stationary(K.value, FOREVER), FOREVER) if K.value else (None, None)
     sigma_b, corr_time = bias or one
@@ -342,12 +354,14 @@ def _axis(channel, source, strict):
         "N": as_seen[0] if as_seen and lacks["N"] else N.value,
         "N_bound": None if strict else N.high,
         "K": K.value,
+        "B": B.value,
         "gauss_markov": bias and sigma_b,
         "walk": float(np.linalg.norm(walks)) or None,
         "walk_bound": None if strict else K.high,
         "sigma_b": sigma_b,
         "corr_time": corr_time,
         "stands_in": [name for name, missing in lacks.items() if as_seen and missing],
+        "in_band": as_seen and as_seen[3],
         "estimates": [("N", N), ("K", K), *slow.items()],
         "terms": [
             (term["kind"], {k: Estimate(**e) for k, e in term["parameters"].items()})
@@ -359,8 +373,9 @@ def _axis(channel, source, strict):
 def stand_in(channel, source, white):
     """Fit white noise and one Gauss-Markov process to the Allan deviation of a channel.
 
-    Least squares of the logarithms, weighted by the band, from `SLOW` to a tenth of the log. It is
-    no estimate: other processes have the same curve.
+    Least squares of the logarithms, weighted by the band, from `SLOW` to a tenth of the log. Where
+    terms were fitted beside the noise, or lines left out, the curve is that of the fitted noise. It
+    is no estimate: other processes have the same curve.
 
     Parameters
     ----------
@@ -371,9 +386,9 @@ def stand_in(channel, source, white):
 
     Returns
     -------
-    N, sigma_b, corr_time : float
-        In SI. None where the process brings no more of the curve into the band than white noise
-        alone, and where there is no curve.
+    N, sigma_b, corr_time, share : float
+        In SI; share of the curve's points that lie in the band. None where the process brings no
+        more of them into the band than white noise alone, and where there is no curve.
     """
     curve = channel.get("allan_line_removed") or channel.get("allan")
     if not curve:
@@ -385,8 +400,12 @@ def stand_in(channel, source, white):
     tau, adev, low, high = numbers[:, inside]
     if len(tau) < 4:
         return None
+    dt, fit = 1 / source["rate_hz"], channel.get("fit", {})
+    if fit.get("terms") or any(d["kind"] == "oscillation" for d in fit.get("disturbances", ())):
+        chosen = next(m for m in channel["models"] if m["chosen"])
+        factor *= adev_of_terms(chosen["terms"], tau, dt) / adev
     low, adev, high = factor * low, factor * adev, factor * high
-    band, dt = np.log(high / low), 1 / source["rate_hz"]
+    band = np.log(high / low)
     level = white or adev[0] * np.sqrt(tau[0])
 
     def curve_of(x):
@@ -408,7 +427,7 @@ def stand_in(channel, source, white):
     sigma_b, corr_time, N = (float(f"{v:.3g}") for v in np.exp(best))  # what the fit is good to
     of_both, of_white = curve_of(np.log([sigma_b, corr_time, white or N])), level / np.sqrt(tau)
     with_it, without = (np.mean((low < y) & (y < high)) for y in (of_both, of_white))
-    return None if white and with_it <= without else (white or N, sigma_b, corr_time)
+    return None if white and with_it <= without else (white or N, sigma_b, corr_time, with_it)
 
 
 def _check(number, what, *, zero=False):

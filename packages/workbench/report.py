@@ -114,11 +114,13 @@ def hours_to_record(channel, dt):
     except WrongUsage as error:
         return {}, Said("no_plan", {"why": str(error)})
     plans = []
+    lasts = (channel.whole[0][-1] + channel.whole[0][0]) / 3600
     for name, needed in hours.items():
         spans = None
         if name in (SYMBOLS["sigma_b"], SYMBOLS["corr_time"]):
             known = (h[name] for h in (hours, *ends) if ends)
             spans = sorted(known, key=lambda h: (h is None, h))
+            needed = max(needed, lasts) if needed and at_least else needed  # it was not enough
         plans.append((name, needed, spans))
     return hours, Said("record", {"plans": plans, "at_least": at_least})
 

@@ -108,12 +108,25 @@ def at_rest(result):
     -------
     Answer
     """
-    used, shows = result.source.get("used"), any(c.kind in LEADING for c in result.channels)
+    used, kinds = result.source.get("used"), {c.kind for c in result.channels if c.kind in LEADING}
     doubt = [r for r in result.source["repairs"] if r.startswith("the gyros read")]
-    said = Said("part_at_rest", used) if used else Said("no_motion", {"shows": shows})
+    said = Said("part_at_rest", used) if used else Said("no_motion", {"kinds": kinds})
     found = [*_found(result), *(Said("repair", {"words": words}) for words in doubt)]
-    answer = "open" if not shows else "partly" if used or found else "yes"
-    return Answer(Said("at_rest"), answer, [[said, *found]])
+    answer = "open" if not kinds else "partly" if used or found else "yes"
+    return Answer(Said("at_rest"), answer, [[said, *found, *_filtered(result.channels)]])
+
+
+def _filtered(channels):
+    """Say of which channels, fitted as means, single samples scatter less than their noise says."""
+    found = [
+        c
+        for c in channels
+        if c.fitted_from > 1.5 * c.short[0][1]
+        and np.std(np.diff(c.short[1])) / np.sqrt(2) < (c.parameters["sigma_v"].low or 0.0)
+    ]
+    about = {"names": _axes([c.name for c in found], [c.name for c in channels])}
+    about["tau"] = max((c.fitted_from for c in found), default=0.0)
+    return [Said("filtered_samples", about)] if found else []
 
 
 def _found(result):
@@ -316,6 +329,9 @@ def mean_reading(channel):
             return Estimate(mean, None, None, channel.unit)
         half += steps[0] / 2
     moved = signal_of(channel.fit["terms"], t)
+    for term in channel.fit["terms"]:
+        if term["kind"] == "temperature":
+            moved += term["parameters"]["amplitude"]["value"] * np.nan_to_num(channel.temperature)
     moved -= moved.mean()
     ends = float(mean + moved.min() - half), float(mean + moved.max() + half)
     return Estimate(mean, *ends, channel.unit)
@@ -391,6 +407,7 @@ def temperature_part(channel):
     terms = [term for term in channel.fit["terms"] if term["kind"] == "temperature"]
     found = Estimate(**terms[0]["parameters"]["amplitude"]) if terms else None
     about = {"low": np.nanmin(degrees), "high": np.nanmax(degrees), "coefficient": found}
+    about["instead"] = any(term["kind"] == "warm_up" for term in channel.fit["terms"])
     return Said("temperature", about)
 
 
