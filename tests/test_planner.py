@@ -96,6 +96,13 @@ def test_hours_ascend():
     plan, _ = Plan.from_estimates(known)
     short, long = (replace(plan, corr_time=t).hours_needed(0.1, 0.2)["sigma_b"] for t in (5, 1000))
     assert short > long
-    said = phrase(report.hours_to_record(SimpleNamespace(parameters=known), 0.1)[1])
+    whole = np.array([1.0, 5 * 3600 - 1.0]), np.zeros(2)  # s, a log of five hours
+    said = phrase(report.hours_to_record(SimpleNamespace(parameters=known, whole=whole), 0.1)[1])
     first, last = said.split("σ_b")[1].split(";")[0].split("(")[1].rstrip(")").split(" to ")
     assert last == text.duration(short) and first != last
+    known |= {
+        k: Estimate.refused("", "", low=low) for k, low in (("sigma_b", 0.1), ("corr_time", 5))
+    }
+    known["sigma_v"] = Estimate(1e-3, 1e-3, 1e-3, "")
+    said = phrase(report.hours_to_record(SimpleNamespace(parameters=known, whole=whole), 0.1)[1])
+    assert "σ_b at least 5 h" in said  # this log did not do
