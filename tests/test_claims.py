@@ -66,6 +66,16 @@ def test_judge(found, agree, verdict):
     assert "1.9 to 3.5" in judge(3.0, 1.9, 3.5, 1, 2)
 
 
+def test_a_quantile_that_no_log_exceeds_is_none():
+    """property: of 200 logs of which few give a value, the largest is no lower end of the rest."""
+    found = np.full(200, np.nan)
+    found[:6] = 2.45, 2.75, 2.85, 2.97, 3.01, 3.05
+    assert claims.judge_logs(found, 2.8, 4.6)[1] == (None, None, None)
+    found[:120] = np.linspace(1.0, 2.0, 120)
+    value, low, high = claims.judge_logs(found, 2.8, 4.6)[1]
+    assert 1.0 < low < value < 2.0 and high is None
+
+
 def test_a_missing_value_or_bound_is_none(elsewhere):
     """Property: NaN and None are unresolved, never a number on disk; an infinite bound is open."""
     far, ledger = PUBLISHED["high"] * 100, claims.Ledger("90-test")

@@ -196,7 +196,7 @@ def test_the_study_of_real_laps_again(monkeypatch):
     np.testing.assert_allclose(now["filters"]["reach_m"][6:], stored["reach_m"][6:], rtol=0.1)
     assert (now["causes"]["reach_m"].between(was["causes"]["reach_low"] * 0.8, 0.8)).all()
     of_wheels = was["causes"].set_index(["map_error", "wheels"]).loc["own"]
-    assert of_wheels["reach_high"]["assumed"] < of_wheels["reach_low"]["own"]  # wheels decide
+    assert of_wheels["reach_high"]["assumed"] < of_wheels["reach_low"]["own"]  # real wheels
     watched = now["alarms"].set_index("disturbance")
     assert (watched.loc[["odometry misses 30 m", "first position 60 m wrong"], "found"] == 1).all()
     assert watched.loc["none", "alarms"] == 0

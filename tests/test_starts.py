@@ -103,13 +103,15 @@ def test_a_start_is_waited_for():
     gnss = fixes(0 * t, 15 * t, np.where((t < 7) | (t > 14), 30.0, 2.0), 90.0, t >= 3)
     off, alone = t**2, starts.CRITERIA["the paper's gate alone"]
     far = starts.Stored(45.001, 9.0, 0.0, 0.0, 2.0)
-    for row, known in (
-        (starts.begin(gnss, off, **alone), (4, 49, (9 + 16 + 25 + 36) / 4, 0)),
-        (starts.begin(gnss, off, far, 5, **alone), (2, 49, (25 + 36) / 2, 1)),
-        (starts.begin(gnss, off, None, 7, **alone), (0, 49, np.nan, 0)),
-        (starts.begin(gnss, off), (9, 144, np.mean(off[3:12]), 0)),
-        (starts.begin(gnss, off, None, 15), (np.nan, np.nan, np.nan, 0)),
+    for first, stored, criteria, known in (
+        (0, None, alone, (4, 49, (9 + 16 + 25 + 36) / 4, 0)),
+        (5, far, alone, (2, 49, (25 + 36) / 2, 1)),
+        (7, None, alone, (0, 49, np.nan, 0)),
+        (0, None, {}, (9, 144, np.mean(off[3:12]), 0)),
+        (15, None, {}, (np.nan, np.nan, np.nan, 0)),
     ):
+        later = Gnss(**{name: values[first:] for name, values in vars(gnss).items()})
+        row = starts.begin(later, off[first:], stored, **criteria)
         found = [row[k] for k in ("wait_s", "off_m", "refused_m", "flagged")]
         np.testing.assert_allclose(found, known)
 

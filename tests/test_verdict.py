@@ -169,9 +169,7 @@ def test_a_sensor_that_filters_and_one_alone():
         rest = verdict.at_rest(replace(gyros, channels=(own,)))
         why = sentences(*rest.why)
         assert "No turn in the gyros; without accelerometers" in why
-        assert (
-            "scatter less than σ_v, as behind a low-pass filter: N holds from 0.64 s" in why
-        ) == says
+        assert ("as behind a low-pass filter: N holds for averages over 0.64 s" in why) == says
         assert "low-pass" not in sentences(*verdict.at_rest(gyros).why)
 
 

@@ -143,9 +143,9 @@ def metres(lat_deg, lon_deg):
 
 
 def begin(
-    gnss: Gnss, off_m: np.ndarray, stored: Stored | None = None, start: int = 0, **criteria: Any
+    gnss: Gnss, off_m: np.ndarray, stored: Stored | None = None, **criteria: Any
 ) -> dict[str, float]:
-    """Switch block 1 on at an epoch of a log, and wait for its first fix.
+    """Switch block 1 on with a log, and wait for its first fix.
 
     Parameters
     ----------
@@ -153,8 +153,6 @@ def begin(
     off_m : ndarray, shape (n,)
         Error of each fix, m.
     stored : Stored, optional
-    start : int
-        The epoch.
     **criteria
         Of `LastPosition`.
 
@@ -168,7 +166,7 @@ def begin(
     block, first = LastPosition(stored, **criteria), math.nan
     refused: list[float] = []
     course = np.radians(gnss.course_deg)
-    for k in range(start, len(gnss.t_s)):
+    for k in range(len(gnss.t_s)):
         if not gnss.has_fix[k]:
             continue
         t = float(gnss.t_s[k])

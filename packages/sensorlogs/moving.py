@@ -164,7 +164,7 @@ def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | Non
         again = sorted({*again, *gaps})
     said, start = tuple(dict.fromkeys(notes)), found.start
     if start is None and clock == times.UNIX:
-        start = datetime.datetime.fromtimestamp(zero, datetime.UTC).isoformat()
+        start = datetime.datetime.fromtimestamp(zero, datetime.UTC).isoformat("T", "milliseconds")
     return Timeline(gnss, imu, start, said, sources, attitude, zero, clock, tuple(again))
 
 

@@ -62,7 +62,7 @@ def floor(arw, sigma_b, corr_time, dt):
     return float(np.exp(low.x)), float(np.exp(low.fun))
 
 
-def side_by_side(arw, sigma_b, corr_time, dt, unit="°/s", *, B=None, K=None):
+def side_by_side(arw, sigma_b, corr_time, dt, unit="°/s"):
     """Write one sensor in every convention.
 
     Parameters
@@ -71,9 +71,6 @@ def side_by_side(arw, sigma_b, corr_time, dt, unit="°/s", *, B=None, K=None):
         U sqrt(s), U, s, s; NaN where it is not known.
     unit : str
         U: °/s or m/s².
-    B, K : float, optional
-        Bias instability and rate random walk of a log, U and U/sqrt(s), NaN where they are not
-        known; without them B is the floor of this model / 0.664.
 
     Returns
     -------
@@ -82,8 +79,7 @@ def side_by_side(arw, sigma_b, corr_time, dt, unit="°/s", *, B=None, K=None):
         known.
     """
     known = np.isfinite([arw, sigma_b, corr_time]).all()
-    at, low = floor(arw, sigma_b, corr_time, dt) if known and B is None else (np.nan, np.nan)
-    low = low if B is None else FLICKER * B
+    at, low = floor(arw, sigma_b, corr_time, dt) if known else (np.nan, np.nan)
     values = {
         "N": arw,
         "N_si": (np.pi / 180 if unit == "°/s" else 1.0) * arw,
@@ -100,7 +96,6 @@ def side_by_side(arw, sigma_b, corr_time, dt, unit="°/s", *, B=None, K=None):
         "floor": low,
         "floor_at": at,
         "hump": PEAK * sigma_b,
-        "K": np.nan if K is None else K,
     }
     return {key: float(value) if np.isfinite(value) else None for key, value in values.items()}
 

@@ -5,10 +5,10 @@ files are templates in packages/workbench/templates/exports.
 
 What the log resolves is exported as it is. Where it resolves neither a Gauss-Markov process nor a
 random walk (flicker noise, which no tool has, or slow noise of unknown kind), a stand-in is
-exported: the Gauss-Markov process that has the log's Allan deviation (`stand_in`), so that a
-simulation looks as the log does. A filter that cannot do without a number gets the upper bound.
-Comments mark both. With ``--strict`` neither is there: a simulator gets 0, which switches the term
-off, and a filter no line. Each tool's own definition, and where it is written
+exported: the Gauss-Markov process nearest to the Allan deviation of the log's noise (`stand_in`),
+so that a simulation looks as the log does. A filter that cannot do without a number gets the upper
+bound. Comments mark both. With ``--strict`` neither is there: a simulator gets 0, which switches
+the term off, and a filter no line. Each tool's own definition, and where it is written
 (tests/test_exports.py simulates them):
 
 Kalibr, ``imu.yaml``
@@ -46,7 +46,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from analysis import CannotAnswer, Estimate, WrongUsage
-from analysis.noise.models import UnifiedModel, adev_of_terms
+from analysis.noise.models import FLICKER, UnifiedModel, adev_of_terms
 from analysis.noise.parameters import random_walk_unit
 from sensorlogs.columns import AXES, IN_SI, KIND_OF_UNIT, words
 from workbench import conventions, pages
@@ -89,14 +89,15 @@ class Triad:
         """Number of each axis x, y, z, or None where there is no such axis."""
         return [self.axes.get(k, {}).get(name) for k in "xyz"]
 
-    def mean(self, name):
-        """Root mean square of a number over the axes that resolve it, or None.
+    def _having(self, name):
+        """List the axes that resolve a number; if none does, those with a stand-in for it."""
+        axes, term = [a for a in self.axes.values() if a[name]], "N" if name == "N" else "slow"
+        return [a for a in axes if term not in a["stands_in"]] or axes
 
-        Stand-ins count where no axis does.
-        """
-        axes = [axis for axis in self.axes.values() if axis[name]]
-        axes = [a for a in axes if ("N" if name == "N" else "slow") not in a["stands_in"]] or axes
-        return float(np.sqrt(np.mean([axis[name] ** 2 for axis in axes]))) if axes else None
+    def mean(self, name):
+        """Root mean square of a number over the axes that have it, or None."""
+        values = [axis[name] for axis in self._having(name)]
+        return float(np.sqrt(np.mean(np.square(values)))) if values else None
 
     def bound(self, name):
         """Largest upper bound of N or walk, for a filter where no axis has a value; or None."""
@@ -108,12 +109,9 @@ class Triad:
         """One (sigma_b, T_c) for three axes, or None.
 
         Root mean squares of sigma_b and of its random walk, so that both keep their mean power:
-        T_c = 2 sigma_b^2 / K^2. A stand-in counts where no axis resolves one; an axis that only
-        has a random walk, where no axis has more.
+        T_c = 2 sigma_b^2 / K^2. Axes that only have a random walk count where no axis has more.
         """
-        axes = [a for a in self.axes.values() if a["sigma_b"]]
-        axes = [a for a in axes if "slow" not in a["stands_in"]] or axes
-        processes = [(a["sigma_b"], a["corr_time"]) for a in axes]
+        processes = [(a["sigma_b"], a["corr_time"]) for a in self._having("sigma_b")]
         processes = [p for p in processes if p[1] < FOREVER] or processes
         if not processes:
             return None
@@ -230,9 +228,10 @@ def _in_every_convention(triad, dt):
         bias = axis["sigma_b"], axis["corr_time"]
         own = axis["gauss_markov"] and "slow" not in axis["stands_in"]
         sigma, time = bias if own else (np.nan, np.nan)
-        white, B, K = (per * (np.nan if axis[k] is None else axis[k]) for k in "NBK")
-        values = conventions.side_by_side(white, per * sigma, time, dt, unit, B=B, K=K)
-        sensors[axis["channel"]] = values
+        white, B, K = (axis[k] and per * axis[k] for k in "NBK")
+        values = conventions.side_by_side(white or np.nan, per * sigma, time, dt, unit)
+        measured = {"K": K, "B": B, "floor": B and FLICKER * B, "floor_at": None}
+        sensors[axis["channel"]] = values | measured
     return conventions.table(sensors, dt, unit)
 
 
