@@ -39,6 +39,14 @@ def test_below_what_the_map_allows_no_gyro_is_enough():
         refused(WrongUsage, "--error", which_gyro.answer, wrong)
 
 
+def test_all_are_enough_in_simulation_or_also_on_real_laps():
+    """property: "all" is said where all rows are yes; not without a word if real laps err more."""
+    said = {e: page("which-gyro.txt", which_gyro.answer(e)) for e in (0.375, 0.5, 0.6)}
+    assert "enough;" not in said[0.375] and "All of them" not in said[0.375]  # some are open
+    assert "on the real laps none was: wheels and map limit there" in said[0.5]
+    assert "All of them are enough" in said[0.6] and "none was" not in said[0.6]
+
+
 def test_one_gyro_has_one_answer():
     """cross-check: report, which-gyro and the shared surface agree on a gyro, to its interval."""
     row = next(r for r in which_gyro.answer(0.5)["rows"] if r["name"].endswith("16405 (log)"))
@@ -52,6 +60,7 @@ def test_one_gyro_has_one_answer():
 def test_lines_fit_a_terminal():
     """Property: at most 100 columns, with every price's year and source."""
     for options in ({}, {"two_states": True}, {"exact_map": True}):
-        told = page("which-gyro.txt", which_gyro.answer(0.3, **options))
-        assert max(map(len, told.splitlines())) <= 100
+        for error in (0.5, 0.3):
+            told = page("which-gyro.txt", which_gyro.answer(error, **options))
+            assert max(map(len, told.splitlines())) <= 100
     assert told.count("  2025  ") == 2 and "not a price of this piece" in told.replace("\n ", "")
