@@ -44,13 +44,14 @@ ONCE = ["id", "verdict", "value", "low", "high", "unit", "notebook"]
 WAYS = ["as_the_paper_did", "as_a_car_does"]
 TWICE = [*WAYS, "car_value", "car_low", "car_high"]
 COLUMNS = ONCE + TWICE
-ON_ATTITUDE, INTEGRATED = "the noise is put on the attitude", "the noise is integrated, as in a car"
+ON_ATTITUDE = "the noise is put on the attitude as a density"
+INTEGRATED = "the noise is integrated, as in a car"
 FOUND = ["notebook", "sentence", "condition", "figure", "so"]
 MOST_WORDS = 30  # of the sentence of a finding
 NOT_YET = "not yet run"
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
-UNDECIDABLE = "undecidable"  # a result: what is at hand, or a log of this length, cannot tell
-BY_CONSTRUCTION = "by construction"
+# Undecidable is a result: what is at hand, or a log of this length, cannot tell.
+UNDECIDABLE, BY_CONSTRUCTION = "undecidable", "by construction"
 OUTCOMES = (
     REPRODUCED, f"{REPRODUCED} if", NOT_REPRODUCED, f"{NOT_REPRODUCED} if", UNDECIDABLE,
     NOT_TESTABLE, BY_CONSTRUCTION, NOT_YET,
@@ -142,7 +143,7 @@ def learned(*, to_do: bool) -> text.Shown:
 
 
 def counts() -> pd.DataFrame:
-    """Count the independent verdicts of each paper.
+    """Count the verdicts of each paper.
 
     Claims in the same words, or with the same published number, computed number and verdict, count
     once: the cells of an operation table, a number that the paper states twice. Sentences about the
@@ -153,11 +154,15 @@ def counts() -> pd.DataFrame:
     pandas.DataFrame, indexed by paper
         A column for each of `OUTCOMES`.
     """
+    rows = _counting()
+    return pd.crosstab(rows["paper"], rows["outcome"]).reindex(columns=OUTCOMES, fill_value=0)
+
+
+def _counting():
     rows = verdicts()[~published()["why"].str.contains(THAT_DAY)]
     number = rows["value"].notna() & (rows["unit"] != YES_OR_NO)
     same = ["notebook", "published", "reproduced", "outcome"]
-    rows = rows[~(number & rows.duplicated(same) | rows.duplicated(["paper", "claim"]))]
-    return pd.crosstab(rows["paper"], rows["outcome"]).reindex(columns=OUTCOMES, fill_value=0)
+    return rows[~(number & rows.duplicated(same) | rows.duplicated(["paper", "claim"]))]
 
 
 def counted() -> text.Shown:
@@ -165,20 +170,20 @@ def counted() -> text.Shown:
     n, claimed = counts().sum(), len(published())
     agree, differ = (n[kind] + n[f"{kind} if"] for kind in (REPRODUCED, NOT_REPRODUCED))
     waiting = f", and {n[NOT_YET]} wait for a notebook" * bool(n[NOT_YET])
-    ways = verdicts()[WAYS].dropna()
+    ways = _counting()[WAYS].dropna()
     paper, car = (sum(said.startswith(REPRODUCED) for said in of) for _, of in ways.items())
     twice = (
-        " The paper does not say where the noise of a gyro is put, so"
-        f" {len(ways)} claims on tracking are judged for both places: on the attitude {paper} hold"
-        f" (counted above, because more hold), integrated as in a car {car}."
+        f" The paper does not say where the noise of a gyro is put, so {len(ways)} of them, on"
+        f" tracking, are judged for both places: on the attitude {paper} hold (counted above,"
+        f" because more hold), integrated as in a car {car}."
     )
     return text.Shown(
-        f"{claimed} claims of the papers are {n.sum()} independent ones (each computation once,"
-        f" history left out). {agree} of these are reproduced, {n[REPRODUCED]} without a condition"
-        f" (such as: the sensor is its printed model); {differ} are not, {n[NOT_REPRODUCED]}"
-        f" without one; for {n[UNDECIDABLE]} the data at hand, or logs as long as the papers',"
-        f" cannot tell; {n[NOT_TESTABLE]} need data that are not at hand; {n[BY_CONSTRUCTION]}"
-        f" could not have come out otherwise and are no evidence{waiting}."
+        f"{claimed} claims of the papers are {n.sum()} different ones (a number with its verdict"
+        f" once, history left out). {agree} of these are reproduced, {n[REPRODUCED]} without a"
+        f" condition (as: the sensor is its printed model); {differ} are not, {n[NOT_REPRODUCED]}"
+        f" without one; {n[UNDECIDABLE]} are left open by the data or logs as long as the papers',"
+        f" {n[NOT_TESTABLE]} need data not at hand; {n[BY_CONSTRUCTION]} could not have come out"
+        f" otherwise and are no evidence{waiting}."
         f"{twice * bool(len(ways))}"
     )
 
@@ -405,11 +410,11 @@ class Ledger:
         row = self._judged(claim)
         return self._enter(row, _verdict(row, np.asarray(found)), when)
 
-    def check_both(self, claim: str, paper: pd.DataFrame, car: pd.DataFrame) -> str:
+    def check_both(self, claim: str, paper: pd.DataFrame, car: pd.DataFrame, when: str = "") -> str:
         """Judge one claim twice: as the paper most likely did, and as a car does.
 
         What both give is the verdict. If they differ it has a condition: the paper's where that is
-        decided, else the car's. Where another R gives another verdict, R_0 is a condition, too.
+        decided, else the car's. Where another R gives the opposite, R_0 is a condition, too.
 
         Parameters
         ----------
@@ -417,6 +422,7 @@ class Ledger:
         paper, car : pandas.DataFrame
             ``value``, ``low`` and ``high`` at several R; the index is R over R_0. The verdict is
             that at 1, and where it turns is said.
+        when : str, optional
 
         Returns
         -------
@@ -425,22 +431,20 @@ class Ledger:
         """
         row, said, ends = self._judged(claim), [], []
         for found in (paper, car):
-            each = {
-                of.Index: _verdict(row, (of.value, of.low, of.high)) for of in found.itertuples()
-            }
+            each = {at: _verdict(row, of) for at, *of in found[ONCE[2:5]].itertuples()}
             said.append({times: verdict for times, (verdict, _) in each.items()})
             ends.append(each[1][1])
         verdict, other = (of[1].partition(":")[0] for of in said)
         ways = [_with_turns(of) for of in said]
-        turns = [way.partition("; ")[2] for way in ways]
+        turns = ["; ".join(w for w in way.split("; ")[1:] if w[:4] != "open") for way in ways]
         if verdict == other:
-            verdict, when = said[0][1], ""
+            verdict, way = said[0][1], ""
             turn = turns[0] or (turns[1] and f"in a car {turns[1]}")
         elif verdict in (REPRODUCED, NOT_REPRODUCED):
-            when, turn = ON_ATTITUDE, turns[0]
+            way, turn = ON_ATTITUDE, turns[0]
         else:
-            verdict, when, turn = other, INTEGRATED, turns[1]
-        when = ", ".join(filter(None, (when, turn and f"R is R₀ ({turn})")))
+            verdict, way, turn = other, INTEGRATED, turns[1]
+        when = ", ".join(filter(None, (way, when, turn and f"R is R₀ ({turn})")))
         both = dict(zip(TWICE, (*ways, *_rounded(row, ends[1])), strict=True))
         return self._enter(row, (verdict, ends[0]), when, both)
 
@@ -566,9 +570,9 @@ def _with_turns(said):
     said : dict of float to str
         Verdict by R over R_0, which is among them.
     """
-    plain = {times: verdict.partition(":")[0] for times, verdict in sorted(said.items())}
-    words = ["open" if plain[1] == UNDECIDABLE else plain[1]]
-    for kind in (k for k in (REPRODUCED, NOT_REPRODUCED) if k != plain[1]):
+    plain = {at: "open" if UNDECIDABLE in of else of for at, of in sorted(said.items())}
+    words = [plain[1]]
+    for kind in (k for k in (REPRODUCED, NOT_REPRODUCED, "open") if k != words[0]):
         at = [times for times, verdict in plain.items() if verdict == kind]
         if len(at) == len(plain) - 1:
             words.append(f"{kind} at every other R")

@@ -12,7 +12,7 @@ from analysis.terrain.open_choices import FACTORS, Interpretation
 from studies import seed
 
 SEED, RESAMPLES = seed(2026), 2000
-LAPS, DRAWS = 4200, 200  # of each sensor; of the gyros on each real lap
+LAPS, DRAWS = 20_000, 1000  # of each sensor; of the gyros on each real lap
 ELSEWHERE = "terrain-sampling-rate-matters"  # notebook 22 judges it
 
 

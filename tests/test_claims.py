@@ -186,7 +186,12 @@ def test_unknown_claims_and_few_logs_are_wrong_usage(elsewhere):
      (NOT_REPRODUCED, "not reproduced; reproduced at every other R")),
     ("+?-", "-++",
      f"reproduced if {claims.ON_ATTITUDE}, R is R₀ (not reproduced from 10 R₀)",
-     ("reproduced; not reproduced from 10 R₀", "not reproduced; reproduced at every other R")),
+     ("reproduced; not reproduced from 10 R₀; open at 3 R₀",
+      "not reproduced; reproduced at every other R")),
+    ("+?-", "+++", "reproduced if every sensor errs, R is R₀ (not reproduced from 10 R₀)",
+     ("reproduced; not reproduced from 10 R₀; open at 3 R₀", REPRODUCED)),
+    ("+??", "+++", "reproduced if every sensor errs",
+     ("reproduced; open at every other R", REPRODUCED)),
     ("?+?", "+-+",
      f"reproduced if {claims.INTEGRATED}, R is R₀ (not reproduced at 3 R₀)",
      ("open; reproduced at 3 R₀", "reproduced; not reproduced at 3 R₀"))])  # fmt: skip
@@ -197,7 +202,8 @@ def test_a_claim_judged_twice_says_where_it_turns(elsewhere, paper, car, verdict
     names = [1, 3, 10], ["value", "low", "high"]
     paper, car = (pd.DataFrame([of[k] for k in way], *names) for way in (paper, car))
     ledger = claims.Ledger("90-test")
-    assert ledger.check_both(FIRST, paper, car).partition(":")[0] == verdict
+    when = "every sensor errs" * ("sensor" in verdict)
+    assert ledger.check_both(FIRST, paper, car, when).partition(":")[0] == verdict
     row = pd.read_csv(elsewhere).loc[0]
     assert (row["as_the_paper_did"], row["as_a_car_does"]) == said
     values = [paper["value"][1], car["value"][1]]

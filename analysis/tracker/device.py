@@ -79,6 +79,7 @@ class Options:
     accel_tau_s = StaticTest.accel_tau_s
     rest_blocks = RestDetector.rest_blocks
     lengths = LowPass.lengths
+    straight_length = MountingYaw.straight_length
     theta_alpha = MountingYaw.theta_alpha
     min_speed = MountingYaw.min_speed
     max_mount_sigma = MountingYaw.max_mount_sigma
@@ -99,11 +100,6 @@ class Options:
     def of(self, block: type) -> dict:
         """Return those changed that a block (a class) has."""
         return {name: self.changed[name] for name in self.changed if hasattr(block, name)}
-
-    @property
-    def straight_s(self):
-        """Shortest straight that gives a mounting angle, s."""
-        return MountingYaw.straight_length * MountingYaw.entry_s
 
 
 # One GNSS epoch: s; (lat_deg, lon_deg, height_m), None without a fix; m/s; rad; 2 or 3 dimensions;

@@ -214,13 +214,15 @@ def ratio_interval(
     return Estimate(float(above.mean() / below.mean()), *resampling.interval(ratios))
 
 
-def mounting_ride(ride: Scenario) -> dict:
+def mounting_ride(ride: Scenario, straight_s: int = Options.straight_length) -> dict:
     """Replay a simulated ride, and compare its mounting angles with the truth.
 
     Parameters
     ----------
     ride : Scenario
         Scenario B.
+    straight_s : int
+        Length of the buffer of block 5, s: one entry a second.
 
     Returns
     -------
@@ -233,7 +235,7 @@ def mounting_ride(ride: Scenario) -> dict:
         whose stated standard deviations are ``sigmas``.
         ``sideways``: mean magnitude of the acceleration across the heading on straights, m/s^2.
     """
-    track = replay(ride.log, Options(fusion=False))
+    track = replay(ride.log, Options(fusion=False, straight_length=straight_s))
     when, straights = track.columns["t_s"], track.straights
     off = wrap(track.columns["mount_deg"] - ride.mount_deg)
     known = np.flatnonzero(np.isfinite(off))
@@ -243,7 +245,7 @@ def mounting_ride(ride: Scenario) -> dict:
         row |= {"first": off[known[0]], "last": off[-1], "changed": np.ptp(off[known])}
         row["sigma"] = track.summary["mounting"]["sigma_deg"]
     ends, speed = straights["t_s"], ride.gnss.speed_m_s
-    start = np.interp(ends - Options().straight_s, when, speed)
+    start = np.interp(ends - straight_s, when, speed)
     gained = np.sign(np.interp(ends, when, speed) - start)
     ax, ay = straights[["ax_m_s2", "ay_m_s2"]].to_numpy().T
     rules = {
@@ -257,7 +259,9 @@ def mounting_ride(ride: Scenario) -> dict:
     return row | {"sideways": np.abs(ax * s + ay * c).mean()}
 
 
-def mounting_rides(seed: int, angles: Sequence[float], **settings: Any) -> pd.DataFrame:
+def mounting_rides(
+    seed: int, angles: Sequence[float], straight_s: int = Options.straight_length, **settings: Any
+) -> pd.DataFrame:
     """Simulate rides of scenario B with the sensor at given angles, and judge each.
 
     Parameters
@@ -266,6 +270,8 @@ def mounting_rides(seed: int, angles: Sequence[float], **settings: Any) -> pd.Da
         Ride k draws from ``SeedSequence(seed).spawn(len(angles))[k]``.
     angles : sequence of float
         deg, one a ride.
+    straight_s : int
+        As of `mounting_ride`.
     **settings
         As of `scenario`.
 
@@ -276,4 +282,4 @@ def mounting_rides(seed: int, angles: Sequence[float], **settings: Any) -> pd.Da
     """
     drawn = zip(np.random.default_rng(seed).spawn(len(angles)), map(float, angles), strict=True)
     rides = (scenario("B", rng, mount_deg=angle, **settings) for rng, angle in drawn)
-    return pd.DataFrame(map(mounting_ride, rides))
+    return pd.DataFrame([mounting_ride(ride, straight_s) for ride in rides])
