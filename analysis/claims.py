@@ -143,26 +143,23 @@ def learned(*, to_do: bool) -> text.Shown:
 
 
 def counts() -> pd.DataFrame:
-    """Count the verdicts of each paper.
+    """Count the verdicts of each paper, one for each computation.
 
-    Claims in the same words, or with the same published number, computed number and verdict, count
-    once: the cells of an operation table, a number that the paper states twice. Sentences about the
-    papers' own units on that day are history and do not count.
+    A claim that the same computation decides as another one (``same_as`` in the register) counts
+    with that one. Sentences about the papers' own units on that day are history and do not count.
 
     Returns
     -------
     pandas.DataFrame, indexed by paper
         A column for each of `OUTCOMES`.
     """
-    rows = _counting()
+    rows = _computed()
     return pd.crosstab(rows["paper"], rows["outcome"]).reindex(columns=OUTCOMES, fill_value=0)
 
 
-def _counting():
-    rows = verdicts()[~published()["why"].str.contains(THAT_DAY)]
-    number = rows["value"].notna() & (rows["unit"] != YES_OR_NO)
-    same = ["notebook", "published", "reproduced", "outcome"]
-    return rows[~(number & rows.duplicated(same) | rows.duplicated(["paper", "claim"]))]
+def _computed():
+    register = published()
+    return verdicts()[register["same_as"].isna() & ~register["why"].str.contains(THAT_DAY)]
 
 
 def counted() -> text.Shown:
@@ -170,7 +167,7 @@ def counted() -> text.Shown:
     n, claimed = counts().sum(), len(published())
     agree, differ = (n[kind] + n[f"{kind} if"] for kind in (REPRODUCED, NOT_REPRODUCED))
     waiting = f", and {n[NOT_YET]} wait for a notebook" * bool(n[NOT_YET])
-    ways = _counting()[WAYS].dropna()
+    ways = _computed()[WAYS].dropna()
     paper, car = (sum(said.startswith(REPRODUCED) for said in of) for _, of in ways.items())
     twice = (
         f" The paper does not say where the noise of a gyro is put, so {len(ways)} of them, on"
@@ -178,8 +175,8 @@ def counted() -> text.Shown:
         f" because more hold), integrated as in a car {car}."
     )
     return text.Shown(
-        f"{claimed} claims of the papers are {n.sum()} different ones (a number with its verdict"
-        f" once, history left out). {agree} of these are reproduced, {n[REPRODUCED]} without a"
+        f"{claimed} claims of the papers are {n.sum()} independent ones (each computation once,"
+        f" history left out). {agree} of these are reproduced, {n[REPRODUCED]} without a"
         f" condition (as: the sensor is its printed model); {differ} are not, {n[NOT_REPRODUCED]}"
         f" without one; {n[UNDECIDABLE]} are left open by the data or logs as long as the papers',"
         f" {n[NOT_TESTABLE]} need data not at hand; {n[BY_CONSTRUCTION]} could not have come out"
