@@ -29,7 +29,7 @@ def answer(wanted: float, *, two_states: bool = False, exact_map: bool = False) 
     -------
     dict
         ``wanted``, ``two_states``, ``exact_map``; ``limit``, the error with the best gyro that was
-        simulated (Estimate); ``real``, that of four states on the real laps, by gyro (m);
+        simulated, and ``real``, that of four states with a MEMS gyro on real laps (Estimates);
         ``rows``: name, price (low, high or None), year, source of the price,
         N (deg/sqrt(h)), B (deg/h), error (Estimate), answer: first what reaches it, cheapest first.
 
@@ -63,10 +63,10 @@ def answer(wanted: float, *, two_states: bool = False, exact_map: bool = False) 
     order = list(ANSWERS.values())
     rows.sort(key=lambda row: (order.index(row["answer"]), *(row["price"] or (np.inf, np.inf))))
     best = design["plane"].sort_values(["arw_deg_sqrt_s", "sigma_b_deg_s"]).iloc[0]
-    laps = store.read("real-laps").tables["filters"].query("filter == 'four states'")
+    laps = store.read("real-laps").tables["causes"].set_index(["map_error", "wheels"])
+    real = Estimate(*laps.loc[("own", "own")], "m")
     found = {"wanted": wanted, "two_states": two_states, "exact_map": exact_map}
-    found |= {"limit": _error(best)}
-    return found | {"real": laps.set_index("gyro")["reach_m"].to_dict(), "rows": rows}
+    return found | {"limit": _error(best), "real": real, "rows": rows}
 
 
 def _error(of):
