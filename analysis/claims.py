@@ -171,8 +171,8 @@ def counted() -> text.Shown:
     paper, car = (sum(said.startswith(REPRODUCED) for said in of) for _, of in ways.items())
     twice = (
         f" The paper does not say where the noise of a gyro is put, so {len(ways)} of them, on"
-        f" tracking, are judged for both places: on the attitude {paper} hold (counted above,"
-        f" because more hold), integrated as in a car {car}."
+        f" tracking, are judged for both places: on the attitude {paper} hold, integrated as in a"
+        f" car {car}. Counted above is the former, or the latter where the former is open."
     )
     return text.Shown(
         f"{claimed} claims of the papers are {n.sum()} independent ones (each computation once,"
@@ -407,7 +407,7 @@ class Ledger:
         row = self._judged(claim)
         return self._enter(row, _verdict(row, np.asarray(found)), when)
 
-    def check_both(self, claim: str, paper: pd.DataFrame, car: pd.DataFrame, when: str = "") -> str:
+    def check_both(self, claim: str, paper: pd.DataFrame, car: pd.DataFrame, *when: str) -> str:
         """Judge one claim twice: as the paper most likely did, and as a car does.
 
         What both give is the verdict. If they differ it has a condition: the paper's where that is
@@ -419,7 +419,8 @@ class Ledger:
         paper, car : pandas.DataFrame
             ``value``, ``low`` and ``high`` at several R; the index is R over R_0. The verdict is
             that at 1, and where it turns is said.
-        when : str, optional
+        *when : str
+            What the one and what the other hangs on, beside these; or nothing.
 
         Returns
         -------
@@ -435,15 +436,16 @@ class Ledger:
         ways = [_with_turns(of) for of in said]
         turns = ["; ".join(w for w in way.split("; ")[1:] if w[:4] != "open") for way in ways]
         if verdict == other:
-            verdict, way = said[0][1], ""
+            verdict, way = said[0][1], when
             turn = turns[0] or (turns[1] and f"in a car {turns[1]}")
         elif verdict in (REPRODUCED, NOT_REPRODUCED):
-            way, turn = ON_ATTITUDE, turns[0]
+            way, turn = (ON_ATTITUDE, *when[:1]), turns[0]
         else:
-            verdict, way, turn = other, INTEGRATED, turns[1]
-        when = ", ".join(filter(None, (way, when, turn and f"R is R₀ ({turn})")))
+            verdict, way, turn = other, (INTEGRATED, *when[1:]), turns[1]
+        conditions = (*dict.fromkeys(way), turn and f"R is R₀ ({turn})")
+        together = ", ".join(filter(None, conditions))
         both = dict(zip(TWICE, (*ways, *_rounded(row, ends[1])), strict=True))
-        return self._enter(row, (verdict, ends[0]), when, both)
+        return self._enter(row, (verdict, ends[0]), together, both)
 
     def table(self, elsewhere: str | None = None, *, main: bool = False) -> text.Shown:
         """Lay published and reproduced side by side, for the notebook's last section.

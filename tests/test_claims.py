@@ -203,7 +203,7 @@ def test_a_claim_judged_twice_says_where_it_turns(elsewhere, paper, car, verdict
     paper, car = (pd.DataFrame([of[k] for k in way], *names) for way in (paper, car))
     ledger = claims.Ledger("90-test")
     when = "every sensor errs" * ("sensor" in verdict)
-    assert ledger.check_both(FIRST, paper, car, when).partition(":")[0] == verdict
+    assert ledger.check_both(FIRST, paper, car, when, when).partition(":")[0] == verdict
     row = pd.read_csv(elsewhere).loc[0]
     assert (row["as_the_paper_did"], row["as_a_car_does"]) == said
     values = [paper["value"][1], car["value"][1]]
