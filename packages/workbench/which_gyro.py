@@ -63,8 +63,8 @@ def answer(wanted: float, *, two_states: bool = False, exact_map: bool = False) 
     order = list(ANSWERS.values())
     rows.sort(key=lambda row: (order.index(row["answer"]), *(row["price"] or (np.inf, np.inf))))
     best = design["plane"].sort_values(["arw_deg_sqrt_s", "sigma_b_deg_s"]).iloc[0]
-    laps = store.read("real-laps").tables["causes"].set_index(["map_error", "wheels"])
-    real = Estimate(*laps.loc[("own", "own")], "m")
+    own = store.read("real-laps").tables["causes"].query("map_error == wheels == 'own'").iloc[0]
+    real = Estimate(own["reach_m"], own["reach_low"], own["reach_high"], "m")
     found = {"wanted": wanted, "two_states": two_states, "exact_map": exact_map}
     return found | {"limit": _error(best), "real": real, "rows": rows}
 
