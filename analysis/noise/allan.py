@@ -28,9 +28,10 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.stats import chi2
 
+from analysis.noise.profile_likelihood import LEVEL
+
 BLOCK = 1 << 17  # samples handled at once: a few such arrays stay inside the cache
 FULL = 0.5  # least share of its samples that a mean needs
-TAIL = 0.025  # probability beyond each end of a 95 % interval
 STRIDE = 16  # lags evaluated per half-length of a second difference
 REACH = 8  # lags summed, in half-lengths; the correlation beyond them is negligible
 BLOCKS = 16  # of a log, whose variances are compared; 8 or 4 where tau is longer
@@ -101,21 +102,11 @@ def allan_deviation(y: np.ndarray, dt: float, m: np.ndarray | None = None) -> Al
     """
     y = np.asarray(y, dtype=float)
     m = cluster_sizes(len(y)) if m is None else np.asarray(m)
-    valid = np.isfinite(y)
-    if valid.all():
-        avar, spread = _second_differences(_running_sum(y), m)
-        return _curve(avar, spread, m, dt, len(y))
-    avar, spread, share = _with_holes(y, valid, m)
-    return _curve(avar, spread, m, dt, len(y), np.minimum(share, valid.mean()))
+    return _curve(m, dt, len(y), *_variances(y, m))
 
 
 def with_and_without_line(y: np.ndarray, line: Line, dt: float) -> tuple[AllanCurve, AllanCurve]:
     """Overlapped Allan deviation of a log as recorded, and without its straight line.
-
-    A line of slope D adds the constant D dt m^2 to every second difference d of the running sum, so
-    that one pass gives both::
-
-        avar = avar_removed + D dt <d> + (D dt m)^2 / 2
 
     Parameters
     ----------
@@ -128,30 +119,19 @@ def with_and_without_line(y: np.ndarray, line: Line, dt: float) -> tuple[AllanCu
     Returns
     -------
     recorded, line_removed : AllanCurve
-        The first is that of `allan_deviation` of the log.
+        The first is that of `allan_deviation` of the log, but for its interval.
     """
-    m, bend, share = cluster_sizes(len(y)), line.drift * dt, 1.0
-    if np.isfinite(y).all():
-        phase = np.zeros(len(y) + 1)  # the running sum, made in place
-        _without(line, y, dt, phase[1:])
-        np.cumsum(phase, out=phase)
-        removed, spread = _second_differences(phase, m)
-        recorded = removed + bend * _mean_second_differences(phase, m) + (bend * m) ** 2 / 2
-    else:
-        valid = np.isfinite(y)
-        lineless = _without(line, y, dt, np.empty(len(y)))
-        removed, spread, share = _with_holes(lineless, valid, m)
-        recorded = _with_holes(y, valid, m)[0]
-        share = np.minimum(share, valid.mean())
+    m = cluster_sizes(len(y))
+    recorded = _variances(y, m)[0]
+    removed, spread, share = _variances(_without(line, y, dt), m)
     # A line adds no scatter: what wanders is the noise.
-    return tuple(_curve(v, spread, m, dt, len(y), share) for v in (recorded, removed))
+    return tuple(_curve(m, dt, len(y), avar, spread, share) for avar in (recorded, removed))
 
 
-def _curve(avar, spread, m, dt, n, share=1.0):
+def _curve(m, dt, n, avar, spread, share):
     """Make a curve of Allan variances, with their standard errors, of samples partly there."""
     keep = np.isfinite(avar) & (avar > 0)
-    m, avar, spread = m[keep], avar[keep], spread[keep]
-    share = np.broadcast_to(share, keep.shape)[keep]
+    m, avar, spread, share = (values[keep] for values in (m, avar, spread, share))
     if not len(m):
         return AllanCurve(*(np.array([]) for _ in range(5)))
     edf = np.maximum(degrees_of_freedom(avar, m, n) * share, 1.0)
@@ -185,7 +165,8 @@ def steady(curve):
 
 def interval(adev, edf):
     """Chi-square 95 % interval of Allan deviations with so many degrees of freedom."""
-    return tuple(adev * np.sqrt(edf / chi2.ppf(tail, edf)) for tail in (1 - TAIL, TAIL))
+    low, high = chi2.interval(LEVEL, edf)
+    return adev * np.sqrt(edf / high), adev * np.sqrt(edf / low)
 
 
 def wandering(means):
@@ -268,19 +249,12 @@ def _running_sum(y):
     return np.cumsum(sums, out=sums)
 
 
-def _mean_second_differences(phase, m):
-    """Mean second difference of a running sum, from the sums of its three stretches."""
-    terms = len(phase) - 2 * m
-    ends = np.stack([np.arange(3)[:, None] * m, np.arange(3)[:, None] * m + terms])
-    edges, place = np.unique(ends, return_inverse=True)
-    parts = np.add.reduceat(phase, edges[:-1])
-    before, after = np.append(0.0, np.cumsum(parts))[place.reshape(ends.shape)]
-    first, middle, last = after - before
-    return (first - 2 * middle + last) / terms
-
-
-def _with_holes(y, valid, m):
-    """Allan variances of a log with missing samples, their errors, the share that is there."""
+def _variances(y, m):
+    """Allan variances of a log, their standard errors, and the share of it that is there."""
+    valid = np.isfinite(y)
+    if valid.all():
+        avar, spread = _second_differences(_running_sum(y), m)
+        return avar, spread, np.ones(len(m))
     level = y[valid].mean() if valid.any() else 0.0
     sums = np.zeros((3, len(y) + 1))  # of values less their mean, of squares, of what is there
     np.subtract(y, level, out=sums[0, 1:], where=valid)
@@ -288,7 +262,8 @@ def _with_holes(y, valid, m):
     sums[2, 1:] = valid
     for row in sums:
         np.cumsum(row, out=row)
-    return np.array([_differences_of_partial_means(sums, k) for k in m]).T
+    avar, spread, share = np.array([_differences_of_partial_means(sums, k) for k in m]).T
+    return avar, spread, np.minimum(share, valid.mean())
 
 
 def _second_differences(phase, m):
@@ -448,7 +423,7 @@ def fit_line(y: np.ndarray, dt: float) -> tuple[np.ndarray, Line]:
         cross += np.einsum("i,i->", t, known[part])
         square += np.einsum("i,i->", t, t)
     line = Line(float(known.sum() / max(valid.sum(), 1)), float(cross / square))
-    return _without(line, y, dt, np.empty(len(y))), line
+    return _without(line, y, dt), line
 
 
 def _times(y, dt):
@@ -462,8 +437,9 @@ def _times(y, dt):
         yield part, dt * (np.arange(k, part.stop) - middle)
 
 
-def _without(line, y, dt, out):
+def _without(line, y, dt):
     """Subtract a line, block by block: a long log fills the memory."""
+    out = np.empty(len(y))
     for part, t in _times(y, dt):
         np.subtract(y[part], line.null_shift + line.drift * t, out=out[part])
     return out
