@@ -68,14 +68,21 @@ def correlogram(
     return Correlogram(m * dt * np.arange(len(covariance)), covariance)
 
 
-def block_means(y, m):
+def runs_of(flags):
+    """Find the runs of True: their first places and those after the last, shape (k, 2)."""
+    return np.flatnonzero(np.diff(flags, prepend=False, append=False)).reshape(-1, 2)
+
+
+def block_means(y, m, least=0.5):
     """Mean of each `m` consecutive readings; an incomplete last block is left out.
 
     Parameters
     ----------
     y : ndarray, shape (..., n), U
-        NaN where a sample is missing; a block with more than half missing is NaN.
+        NaN where a sample is missing.
     m : int
+    least : float
+        Share of its samples that a block needs, else it is NaN; one sample in any case.
 
     Returns
     -------
@@ -90,7 +97,7 @@ def block_means(y, m):
         return blocks @ np.ones(m) / m
     have = valid.sum(axis=-1)
     mean = np.where(valid, blocks, 0.0).sum(axis=-1) / np.maximum(have, 1)
-    return np.where(2 * have >= m, mean, np.nan)
+    return np.where(have >= max(least * m, 1), mean, np.nan)
 
 
 def autocovariance(y, max_lag=None):

@@ -14,7 +14,7 @@ from scipy.signal import periodogram
 from scipy.stats import chi2, f, norm, t
 
 from analysis import Estimate
-from analysis.noise.autocorrelation import block_means
+from analysis.noise.autocorrelation import block_means, runs_of
 from analysis.noise.notes import listed, said
 from analysis.noise.parameters import SIZES, SLOW, WHITE
 
@@ -30,8 +30,7 @@ PILED = 5.0  # standard errors of the number of runs at the end of a range
 CUT = 0.99  # of the scatter; where less is left, the numbers are refused
 DITHER = 0.5  # scatter in steps, rounding included: that of noise of 0.4 steps
 BURST = 10  # samples; large steps no further apart are one spike
-PARTS = 8  # of a log, and of each part, whose noise levels are compared
-LEAST = 8  # increments in a part of a part
+PARTS = 8  # of a log, and of each part, whose noise levels are compared; increments in these
 EXACT = 1e-9  # relative; what differs by less is no noise
 CHANCE = 1e-3  # that one test rejects Gaussian noise
 BEYOND = 5.0  # standard errors of the kurtosis of Gaussian noise
@@ -222,7 +221,7 @@ def stuck(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
     """
     marked, (there, z) = np.zeros(len(y), dtype=bool), _known(y)
     same = z[1:] == z[:-1]
-    runs = np.flatnonzero(np.diff(same, prepend=False, append=False)).reshape(-1, 2)
+    runs = runs_of(same)
     count = len(z) - same.sum()  # of all runs, those of one sample too
     equal = len(runs) / count if count else 1.0
     if not 0 < equal <= COARSE:
@@ -353,7 +352,7 @@ def increments(means, width):
     whole = finite.all()
     there, means = (range(len(means)), means) if whole else (np.flatnonzero(finite), means[finite])
     k = len(there) // (2 * PARTS**2)
-    if k < LEAST:
+    if k < PARTS:
         return None
     used = there[: 2 * PARTS**2 * k]
     pairs = means[: len(used)].reshape(PARTS, PARTS, k, 2)
@@ -454,8 +453,8 @@ def level_changes(
     refused = half > UNSTEADY
     code, widens = ("level_refuses", None) if refused else ("level_widens", (half, half))
     note = said(code, low=low, high=high, parts=len(level), percent=100 * half)
-    found = Disturbance("noise_level", start, end, note, affects, widens, (low, high))
-    return [replace(found, ends=(float(level[0]), float(level[-1])))]
+    ends = float(level[0]), float(level[-1])
+    return [Disturbance("noise_level", start, end, note, affects, widens, (low, high), ends)]
 
 
 def uneven(y: np.ndarray, dt: float, m: int, white: float) -> list[Disturbance]:
@@ -515,7 +514,7 @@ def missing(y: np.ndarray, dt: float) -> list[Disturbance]:
     lost = ~np.isfinite(y)
     if not lost.any() or lost.all():
         return []
-    runs = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]))).reshape(-1, 2)
+    runs = runs_of(lost)
     length = np.diff(runs)[:, 0]
     gap = length > np.log(len(y) / APART) / -np.log(lost.mean())
     found = []

@@ -13,6 +13,7 @@ from scipy.stats import kstest, norm, uniform
 
 from analysis import Estimate
 from analysis.noise.allan import AllanCurve, steady
+from analysis.noise.autocorrelation import runs_of
 from analysis.noise.models import FLICKER
 from analysis.noise.notes import listed, said
 from analysis.noise.parameters import random_walk_unit
@@ -139,8 +140,7 @@ def wandering(
 
 def _longest_run(curve, good):
     """Return the indices of the longest stretch (in log tau) where `good` holds for SPAN."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
-    runs = [np.arange(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    runs = [np.arange(*ends) for ends in runs_of(good)]
     spans = [np.log10(curve.tau[r[-1]] / curve.tau[r[0]]) for r in runs]
     return runs[int(np.argmax(spans))] if spans and max(spans) >= SPAN else None
 

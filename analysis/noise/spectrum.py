@@ -24,6 +24,8 @@ from multiprocessing import Lock
 import numpy as np
 from scipy.fft import dct, prev_fast_len
 
+from analysis.noise.autocorrelation import block_means, runs_of
+
 SINGLE = 40  # coefficients of each parity kept one by one
 BINS = 14  # bins per e-fold of frequency above them
 OF_MANY = 10, 7  # the same in each stretch of a log with gaps
@@ -283,7 +285,7 @@ def spectra(y, dt, m, added=(), left_out=()):
     runs = runs[runs[:, 1] - runs[:, 0] >= FEWEST]
     if not len(runs):
         return None
-    means = _means(y, m, have)
+    means = block_means(y, m, least=0.0)
     if len(runs) > 1:
         means = means - np.nanmean(means)
     runs[:, 1] = runs[:, 0] + [
@@ -345,16 +347,6 @@ def _runs(valid, m):
         return np.array([[0, len(valid) // m]]), np.broadcast_to(m, len(valid) // m)
     have = valid[: len(valid) // m * m].reshape(-1, m).sum(axis=1, dtype=np.int32)
     enough = have >= ENOUGH * np.median(have[have > 0]) if have.any() else have > 0
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], enough, [False]])))
-    runs = edges.reshape(-1, 2)
+    runs = runs_of(enough)
     longest = np.argsort(runs[:, 0] - runs[:, 1], kind="stable")[:STRETCHES]
     return runs[np.sort(longest)], have
-
-
-def _means(y, m, have):
-    """Mean of the samples that are there, of each m; NaN where there is none."""
-    blocks = y[: len(have) * m].reshape(-1, m)
-    if m == 1 or have.min() == m:
-        return y if m == 1 else blocks @ np.ones(m) / m
-    sums = np.where(np.isfinite(blocks), blocks, 0.0).sum(axis=1)
-    return np.divide(sums, have, out=np.full(len(have), np.nan), where=have > 0)
