@@ -159,19 +159,15 @@ class Inference:
         """Give the fit of another model, with quantisation if the chosen one has it."""
         return self.fits[model + self.chosen.end]
 
-    def envelope(self, what, alike=None):
-        """Give the interval of a parameter by all models, or by those that are alike."""
-        fits = [fit for fit in self.fits.values() if alike is None or alike(fit)]
-        return envelope(self.likelihood, fits, what)
-
     @cached_property
     def floor(self):
         """The floor of the chosen model's Allan deviation."""
         return Floor(self.likelihood, self.chosen)
 
-    def estimate(self, what, note, otherwise, alike=None):
-        """Estimate one parameter by all models; refused without a lower end."""
-        found, unit = self.envelope(what, alike), unit_of(BY_TERM[what], self.unit)
+    def estimate(self, what, note, otherwise, alike=lambda fit: True):
+        """Estimate one parameter by all models that are alike; refused without a lower end."""
+        found = envelope(self.likelihood, filter(alike, self.fits.values()), what)
+        unit = unit_of(BY_TERM[what], self.unit)
         note = listed(said("of_models", models=", ".join(found.models)), note)
         if found.low is None or (found.without and found.high is None):
             without = said("near_without", models=", ".join(found.without))
@@ -227,14 +223,16 @@ class Inference:
             return Estimate.refused(unit, said("no_walk", model=chosen.model), high=bound)
         # A slow bias looks like a walk, and is no other finding.
         alone = not chosen.terms.get("corr_time")
-        alike = (lambda fit: not fit.terms.get("corr_time")) if alone else None
-        walk = self.estimate("rrw", said("or_a_bias") if alone else "", said("no_end"), alike)
+        walk = self.estimate(
+            *("rrw", said("or_a_bias") if alone else "", said("no_end")),
+            lambda fit: not (alone and fit.terms.get("corr_time")),
+        )
         _, high = _widest((None, walk.high), (None, bound))
         return walk if walk.resolved else replace(walk, high=high)
 
     def bias_instability(self):
         """Bias instability, U: the floor of the Allan deviation / 0.664."""
-        floor, found = self.floor, self.envelope("floor")
+        floor, found = self.floor, envelope(self.likelihood, self.fits.values(), "floor")
         if None in (found.low, found.high) or not floor.reached:
             why = said("no_floor", longest=self.likelihood.duration / PART)
             return Estimate.refused(self.unit, why, high=found.high)
@@ -244,30 +242,31 @@ class Inference:
 
     def bias(self):
         """Give corr_time (s) and sigma_b (U) of the Gauss-Markov bias."""
-        if self.chosen.terms.get("corr_time"):
-            return self._gauss_markov()
-        if "rrw" in self.chosen.terms:
-            return self._random_walk()
-        if "flicker" in self.chosen.terms:
+        terms, duration, low, bounds = self.chosen.terms, self.likelihood.duration, None, {}
+        if terms.get("corr_time"):
+            times = duration / terms["corr_time"][-1]
+            note = said("times", times=_count(times))
+            few = said("few_low") if times < SELECTED else ""
+            return {what: self._of_bias(what, note, few) for what in ("corr_time", "sigma_b")}
+        if "rrw" in terms:  # a bias whose correlation time has no upper end
+            unified, why = self.similar(UNIFIED), said("as_a_walk")
+            low, least = (
+                self.likelihood.interval(unified, what)[0] for what in ("corr_time", "sigma_b")
+            )
+            if low is not None:
+                why += said("as_a_walk_most", times=_count(duration / low))
+            no_size, bounds = said("time_open", why=why), {"low": least}
+        elif "flicker" in terms:
             more = self.similar(UNIFIED).aic - self.chosen.aic
-            why = said("flicker_chosen", unified=UNIFIED, more=more)
-            return self._no_bias(why, why)
-        longest = self.likelihood.duration / 10
-        why = said("no_bias")
-        bound = listed(why, said("no_bias_bound", longest=longest))
-        return self._no_bias(why, bound, high=self.likelihood.hidden_bias(self.chosen, longest))
-
-    def _no_bias(self, why, why_no_size, *, time_low=None, **bound):
+            why = no_size = said("flicker_chosen", unified=UNIFIED, more=more)
+        else:
+            why, longest = said("no_bias"), duration / PART
+            no_size = listed(why, said("no_bias_bound", longest=longest))
+            bounds = {"high": self.likelihood.hidden_bias(self.chosen, longest)}
         return {
-            "corr_time": Estimate.refused("s", why, low=time_low),
-            "sigma_b": Estimate.refused(self.unit, why_no_size, **bound),
+            "corr_time": Estimate.refused("s", why, low=low),
+            "sigma_b": Estimate.refused(self.unit, no_size, **bounds),
         }
-
-    def _gauss_markov(self):
-        times = self.likelihood.duration / self.chosen.terms["corr_time"][-1]
-        note = said("times", times=_count(times))
-        few = said("few_low") if times < SELECTED else ""
-        return {what: self._of_bias(what, note, few) for what in ("corr_time", "sigma_b")}
 
     def _of_bias(self, what, note, few):
         chosen = self.chosen
@@ -281,15 +280,6 @@ class Inference:
             return replace(e, note=e.note + few)
         why = e.note if e.low is None else e.note + said("too_few")
         return Estimate.refused(e.unit, why, low=e.low, high=e.high)
-
-    def _random_walk(self):
-        """Bound a bias whose correlation time has no upper end."""
-        unified = self.similar(UNIFIED)
-        low, sigma_low = (self.likelihood.interval(unified, w)[0] for w in ("corr_time", "sigma_b"))
-        why = said("as_a_walk")
-        if low is not None:
-            why += said("as_a_walk_most", times=_count(self.likelihood.duration / low))
-        return self._no_bias(why, said("time_open", why=why), time_low=low, low=sigma_low)
 
     def drift(self, rng, settled):
         """Linear drift, U/s; refused beside a warm-up that the log shows, unless it is clear.
@@ -359,7 +349,7 @@ def infer(
     ranges, oscillation = lines(y, dt)
     transformed = partial(spectra, y, dt, left_out=ranges)
     fewest = fewest_to_average(y, len(y) / (2 * FEWEST_MEANS))
-    m, rate, cleared = fewest, kind in ("rate", "accel"), 0  # the first m without a filter
+    m, rate, cleared = fewest, kind in DENSITY, 0  # the first m without a filter
     fits: dict[str, Fit] = {}
     pieces = finest = transformed(m)
     if pieces is None:
