@@ -348,9 +348,8 @@ def increments(means, width):
     -------
     Increments or None
     """
-    finite = np.isfinite(means)
-    whole = finite.all()
-    there, means = (range(len(means)), means) if whole else (np.flatnonzero(finite), means[finite])
+    there, means = _known(means)
+    there = range(len(means)) if there is None else there
     k = len(there) // (2 * PARTS**2)
     if k < PARTS:
         return None

@@ -271,10 +271,16 @@ class NoiseLikelihood:
         kept = {name: [value for n, value in known if n == name] for name in names}
         more = [n for i, n in enumerate(names) if names[:i].count(n) >= len(kept[n])]
         times = np.geomspace(SHORTEST * self.step, 3 * self.duration, TIMES)
-        rows = []
+        rows, white = [], np.exp(kept["sigma_v"][0])
         for time in times if "corr_time" in more else times[:1]:
             for ratio in np.geomspace(1e-3, 1e3, RATIOS) if more else (1.0,):
-                new = self._new(ratio, time, np.exp(kept["sigma_v"][0]))
+                new = {  # `ratio` times the size that white noise would just mask
+                    "corr_time": time,
+                    "walk": ratio * white * np.sqrt(2 * self.step) / time,
+                    "rrw": ratio * white / np.sqrt(self.duration),
+                    "flicker": 0.1 * ratio * white,
+                    "quantisation": 0.1 * ratio * white * self.step,
+                }
                 left = {name: list(values) for name, values in kept.items()}
                 rows.append([left[n].pop(0) if left[n] else np.log(new[n]) for n in names])
         points = np.array(rows)
@@ -286,16 +292,6 @@ class NoiseLikelihood:
             )
             points = points + 0.5 * np.log(power)[:, None] * sizes
         return points.reshape(-1, RATIOS if more else 1, len(names))
-
-    def _new(self, ratio, time, white):
-        """Start of each slow term, `ratio` times the size that white noise would just mask."""
-        return {
-            "corr_time": time,
-            "walk": ratio * white * np.sqrt(2 * self.step) / time,
-            "rrw": ratio * white / np.sqrt(self.duration),
-            "flicker": 0.1 * ratio * white,
-            "quantisation": 0.1 * ratio * white * self.step,
-        }
 
 
 def _peaks(surface, grid):

@@ -466,10 +466,8 @@ def _gauss_markov(stretch, size, corr_time):
     power = size**2
     # Spectrum of an autocovariance that falls by phi a lag from the first lag on, not from 0.
     scale = 1 / (phi[:, None, :, None] * stretch.lam[:, None] + (one_less**2)[:, None, :, None])
-    g = (
-        scale
-        * (size[:, None] * (one_less * np.sqrt(2 * next_one))[:, None] * np.sqrt(reach))[..., None]
-    )
+    on_u = size[:, None] * (one_less * np.sqrt(2 * next_one))[:, None] * np.sqrt(reach)
+    g = scale * on_u[..., None]
     next_one = (power * next_one)[:, None, :, None]
     diagonal = 2 * next_one * one_less[:, None, :, None] - next_one * stretch.lam[:, None]
     diagonal *= scale

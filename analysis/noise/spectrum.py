@@ -199,8 +199,6 @@ def joined(stretches):
     -------
     Spectrum
     """
-    if len(stretches) == 1:
-        return stretches[0]
     most = max(stretch.lam.shape[1] for stretch in stretches)
     together = {"n": sum(stretch.n for stretch in stretches)}
     for name in ("start", "length", "behind"):
@@ -322,8 +320,6 @@ def fewest_to_average(y, most):
     int
     """
     valid, used, m = np.isfinite(y), {}, 1
-    if valid.all():
-        return m
     while m == 1 or m <= most:
         runs, have = _runs(valid, m)
         used[m] = sum(have[a:b].sum() for a, b in runs)
