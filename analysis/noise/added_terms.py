@@ -30,13 +30,9 @@ from analysis.noise.spectrum import outline, transform
 
 # Of 2 ln L, from which on a term may be there, and is kept. A warm-up looks much like a drift; of a
 # step that takes time nothing is unsure.
-RISE = {
-    "warm_up": (4.0, 14.0),
-    "step": (19.0, 25.0),
-    "slow step": (30.0, 30.0),
-    "sinusoid": (19.0, 25.0),
-    "temperature": (6.0, 12.0),
-}
+RISE = {"warm_up": (4.0, 14.0), "step": (19.0, 25.0), "temperature": (6.0, 12.0)}
+SLOW_STEP = 30.0
+RISE |= {"sinusoid": RISE["step"], "slow step": (SLOW_STEP, SLOW_STEP)}
 MOST_TERMS, MOST_OTHERS = 6, 3  # after the third term only steps: a strong sinusoid has side lobes
 COARSE = 2048  # means of the log on which terms are searched for
 WARM_UPS = 20  # time constants tried
@@ -120,8 +116,8 @@ class AddedTerm:
         least, offsets = fall(value), np.append(0.0, np.geomspace(1e-3, 1, PROFILE) * reach)
         ends = []
         for sign in (-1, 1):
-            distance = [np.sqrt(max(fall(value + sign * x) - least, 0.0)) for x in offsets]
-            out = int(np.argmax(np.array(distance) > np.sqrt(THRESHOLD)))
+            distance = np.sqrt([max(fall(value + sign * x) - least, 0.0) for x in offsets])
+            out = int(np.argmax(distance > np.sqrt(THRESHOLD)))
             across = slice(out - 1, out + 1)
             end = np.interp(np.sqrt(THRESHOLD), distance[across], offsets[across]) if out else None
             ends.append(None if end is None else float(value + sign * end))

@@ -40,7 +40,7 @@ FEWEST = 4
 # standard deviation: -1 if these scatter independently, 0 if they flicker. With it 89 to 100 % of
 # the pairs of quarters of real gyros agree (`wandering` in data/derived/repeatability).
 GROWTH, SPREAD = -0.25, 0.5
-HALF_A_DECADE = 10**0.5
+HALF_A_DECADE = np.sqrt(10)
 AT_A_QUARTER = 3.0  # degrees of freedom at a quarter of the log; nothing is known less well
 FOURTH = ((-2, 1.0), (-1, -4.0), (0, 6.0), (1, -4.0), (2, 1.0))
 
