@@ -108,6 +108,11 @@ def allan_deviation(y: np.ndarray, dt: float, m: np.ndarray | None = None) -> Al
 def with_and_without_line(y: np.ndarray, line: Line, dt: float) -> tuple[AllanCurve, AllanCurve]:
     """Overlapped Allan deviation of a log as recorded, and without its straight line.
 
+    A line of slope D adds the constant D dt m^2 to every second difference d of the running sum, so
+    that of a log without holes one pass gives both::
+
+        avar = avar_removed + D dt <d> + (D dt m)^2 / 2
+
     Parameters
     ----------
     y : ndarray, shape (n,), U
@@ -121,9 +126,16 @@ def with_and_without_line(y: np.ndarray, line: Line, dt: float) -> tuple[AllanCu
     recorded, line_removed : AllanCurve
         The first is that of `allan_deviation` of the log, but for its interval.
     """
-    m = cluster_sizes(len(y))
-    recorded = _variances(y, m)[0]
-    removed, spread, share = _variances(_without(line, y, dt), m)
+    m, bend, phase = cluster_sizes(len(y)), line.drift * dt, np.zeros(len(y) + 1)
+    _without(line, y, dt, phase[1:])
+    if np.isfinite(y).all():
+        np.cumsum(phase, out=phase)  # the running sum, made in place
+        removed, spread = _second_differences(phase, m)
+        share = np.ones(len(m))
+        recorded = removed + bend * _mean_second_differences(phase, m) + (bend * m) ** 2 / 2
+    else:
+        recorded = _variances(y, m)[0]
+        removed, spread, share = _variances(phase[1:], m)
     # A line adds no scatter: what wanders is the noise.
     return tuple(_curve(m, dt, len(y), avar, spread, share) for avar in (recorded, removed))
 
@@ -247,6 +259,17 @@ def _running_sum(y):
     if len(y):
         np.subtract(y, np.mean(y), out=sums[1:])
     return np.cumsum(sums, out=sums)
+
+
+def _mean_second_differences(phase, m):
+    """Mean second difference of a running sum, from the sums of its three stretches."""
+    terms = len(phase) - 2 * m
+    ends = np.stack([np.arange(3)[:, None] * m, np.arange(3)[:, None] * m + terms])
+    edges, place = np.unique(ends, return_inverse=True)
+    parts = np.add.reduceat(phase, edges[:-1])
+    before, after = np.append(0.0, np.cumsum(parts))[place.reshape(ends.shape)]
+    first, middle, last = after - before
+    return (first - 2 * middle + last) / terms
 
 
 def _variances(y, m):
@@ -423,7 +446,7 @@ def fit_line(y: np.ndarray, dt: float) -> tuple[np.ndarray, Line]:
         cross += np.einsum("i,i->", t, known[part])
         square += np.einsum("i,i->", t, t)
     line = Line(float(known.sum() / max(valid.sum(), 1)), float(cross / square))
-    return _without(line, y, dt), line
+    return _without(line, y, dt, np.empty(len(y))), line
 
 
 def _times(y, dt):
@@ -437,9 +460,8 @@ def _times(y, dt):
         yield part, dt * (np.arange(k, part.stop) - middle)
 
 
-def _without(line, y, dt):
+def _without(line, y, dt, out):
     """Subtract a line, block by block: a long log fills the memory."""
-    out = np.empty(len(y))
     for part, t in _times(y, dt):
         np.subtract(y[part], line.null_shift + line.drift * t, out=out[part])
     return out
