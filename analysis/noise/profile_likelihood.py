@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.special import chdtri
+from scipy.stats import chi2
 
 LEVEL = 0.95
-THRESHOLD = chdtri(1, 1 - LEVEL)  # of chi2: fall of 2 ln L at the ends of an interval
+THRESHOLD = chi2.ppf(LEVEL, 1)  # fall of 2 ln L at the ends of an interval
 IMAGINARY = 1e-20  # step of a derivative; its square is below the last digit
 SLOPE = 1e-4  # of the log-likelihood for a standard error: with less a run of L-BFGS-B ends
 CONVERGED = 1e-8  # of the log-likelihood: with less to gain a search ends
