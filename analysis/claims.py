@@ -170,12 +170,12 @@ def counted() -> text.Shown:
     ways = _computed()[WAYS].dropna()
     paper, car = (sum(said.startswith(REPRODUCED) for said in of) for _, of in ways.items())
     twice = (
-        f" The paper does not say where the noise of a gyro is put, so {len(ways)} of them, on"
-        f" tracking, are judged for both places: on the attitude {paper} hold, integrated as in a"
-        f" car {car}. Counted above is the former, or the latter where the former is open."
+        f" The terrain paper does not say where the noise of a gyro is put, so {len(ways)} of them"
+        f" are judged for both places: on the attitude {paper} hold, integrated as in a car {car}."
+        f" Counted above is the former, or the latter where the former is open."
     )
     return text.Shown(
-        f"{claimed} claims of the papers are {n.sum()} independent ones (each computation once,"
+        f"The papers make {claimed} claims; {n.sum()} are independent (each computation once,"
         f" history left out). {agree} of these are reproduced, {n[REPRODUCED]} without a"
         f" condition (as: the sensor is its printed model); {differ} are not, {n[NOT_REPRODUCED]}"
         f" without one; {n[UNDECIDABLE]} are left open by the data or logs as long as the papers',"
@@ -417,8 +417,8 @@ class Ledger:
         ----------
         claim : str
         paper, car : pandas.DataFrame
-            ``value``, ``low`` and ``high`` at several R; the index is R over R_0. The verdict is
-            that at 1, and where it turns is said.
+            Columns ``value``, ``low``, ``high`` at several R; the index is R over R_0. The verdict
+            is that at 1, and where it turns is said.
         *when : str
             What the one and what the other hangs on, beside these; or nothing.
 
@@ -429,7 +429,7 @@ class Ledger:
         """
         row, said, ends = self._judged(claim), [], []
         for found in (paper, car):
-            each = {at: _verdict(row, of) for at, *of in found[ONCE[2:5]].itertuples()}
+            each = {at: _verdict(row, of) for at, *of in found.itertuples()}
             said.append({times: verdict for times, (verdict, _) in each.items()})
             ends.append(each[1][1])
         verdict, other = (of[1].partition(":")[0] for of in said)

@@ -30,7 +30,8 @@ PILED = 5.0  # standard errors of the number of runs at the end of a range
 CUT = 0.99  # of the scatter; where less is left, the numbers are refused
 DITHER = 0.5  # scatter in steps, rounding included: that of noise of 0.4 steps
 BURST = 10  # samples; large steps no further apart are one spike
-PARTS = 8  # of a log, and of each part, whose noise levels are compared; increments in these
+PARTS = 8  # of a log, and of each part, whose noise levels are compared
+LEAST = 8  # increments in a part of a part
 EXACT = 1e-9  # relative; what differs by less is no noise
 CHANCE = 1e-3  # that one test rejects Gaussian noise
 BEYOND = 5.0  # standard errors of the kurtosis of Gaussian noise
@@ -351,7 +352,7 @@ def increments(means, width):
     there, means = _known(means)
     there = range(len(means)) if there is None else there
     k = len(there) // (2 * PARTS**2)
-    if k < PARTS:
+    if k < LEAST:
         return None
     used = there[: 2 * PARTS**2 * k]
     pairs = means[: len(used)].reshape(PARTS, PARTS, k, 2)

@@ -223,10 +223,11 @@ class Inference:
             return Estimate.refused(unit, said("no_walk", model=chosen.model), high=bound)
         # A slow bias looks like a walk, and is no other finding.
         alone = not chosen.terms.get("corr_time")
-        walk = self.estimate(
-            *("rrw", said("or_a_bias") if alone else "", said("no_end")),
-            lambda fit: not (alone and fit.terms.get("corr_time")),
-        )
+
+        def alike(fit):
+            return not (alone and fit.terms.get("corr_time"))
+
+        walk = self.estimate("rrw", said("or_a_bias") if alone else "", said("no_end"), alike)
         _, high = _widest((None, walk.high), (None, bound))
         return walk if walk.resolved else replace(walk, high=high)
 
