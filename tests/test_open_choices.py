@@ -321,7 +321,7 @@ def test_the_stored_real_laps_are_tracked_again_the_same():
     chosen, gyros = Interpretation(R_times=30.0), [open_choices.TACTICAL, open_choices.MEMS]
     laps = {name: terrain_data.lap_and_map(name) for name in stored.source["real_laps"]}
     sensors = {at: chosen.sensors({})[at] for at in gyros}
-    options = {"runs": stored.source["draws"], "seed": stored.source["seed"]}
+    options = {"runs": stored.source["draws"], "seed": stored.source["seeds"][0]}
     found = track_real_laps(laps, sensors, chosen.setup(), **options)
     driven = Laps.crossed_of([*found.values()], open_choices.MOMENTS)
     measured = {k: of.iloc[0] for k, of in driven.measures(1, np.random.default_rng(1)).items()}
