@@ -25,10 +25,8 @@ DURATION_S = 7400.0  # static logs of the comparison paper, "slightly over two h
 SHORT_S = 15.0  # its short stretch
 WINDOWS_S = (1, 5, 10, 30)  # averages of the autocorrelation (ours)
 TERRAIN_SEED, TERRAIN_DT = 2011, 0.01  # s
-TERRAIN_HOURS, FITTED_HOURS = (1, 2, 4, 8, 16, 32, 64), (2, 8, 32)
-FITTED = 100  # logs of the terrain paper's sensor that are fitted too; no verdict rests on them
+TERRAIN_HOURS = (1, 2, 4, 8, 16, 32, 64)
 TERRAIN_WINDOW_S = 10.0  # averages whose autocorrelation is taken; the paper does not say
-LONGER_HOURS = (2, 8)
 FLIGHT_DT = 0.25  # s: every fifth of the comparison paper's 20 Hz
 # s, from the begin of the turns to the end of the pushovers (section VII)
 MANOEUVRES = 1429.0, 1906.0
@@ -65,14 +63,14 @@ def of_channel(model, stream):
     return found | {name: interval(*fit, name) for name in ("corr_time", "sigma_b")}
 
 
-def unified_fit(means, dt, *, detrend=True):
+def unified_fit(means, dt):
     """Fit white noise and a Gauss-Markov bias to a log in means of 1 s.
 
     Returns
     -------
     NoiseLikelihood, Fit
     """
-    likelihood = noise.NoiseLikelihood.of_log(means, dt, averaged=round(1 / dt), detrend=detrend)
+    likelihood = noise.NoiseLikelihood.of_log(means, dt, averaged=round(1 / dt))
     return likelihood, likelihood.fit()
 
 
@@ -80,14 +78,6 @@ def interval(likelihood, fit, name):
     """Give value, low and high; the value is missing where a side is open."""
     low, high = likelihood.interval(fit, name)
     return (None if low is None or high is None else fit.terms[name][-1]), low, high
-
-
-def of_longer_log(model, stream):
-    """Fit the first hours of a log and all of it: ``corr_time_2h``, ``corr_time_8h``."""
-    dt, m = 1 / RATE_HZ, round(RATE_HZ)
-    y = model.simulate_means(3600 * max(LONGER_HOURS), m, dt, np.random.default_rng(stream))
-    fits = {h: unified_fit(y[: 3600 * h], dt) for h in LONGER_HOURS}
-    return {f"corr_time_{h}h": interval(*fit, "corr_time") for h, fit in fits.items()}
 
 
 def of_receiver(radius, differential, stream):
@@ -153,15 +143,6 @@ def by_recipe(stream):
     return found
 
 
-def by_likelihood(stream):
-    """Fit the same logs: ``sigma_v_2h``, ``sigma_b_2h`` (deg/s) and ``corr_time_2h`` (s)..."""
-    y, found = terrain_log(stream), {}
-    for hours in FITTED_HOURS:
-        fit = unified_fit(y[: 3600 * hours], TERRAIN_DT, detrend=False)[1]
-        found |= {f"{name}_{hours}h": values[-1] for name, values in fit.terms.items()}
-    return found
-
-
 def subjects():
     """Give the function that reads one log of each subject, and the number of logs.
 
@@ -171,18 +152,17 @@ def subjects():
     """
     models = noise.models_of_table_one(store.published("comparison-table-1"))
     jobs = {name: (partial(of_channel, model), LOGS) for name, model in models.items()}
-    jobs["midg-roll-longer"] = (partial(of_longer_log, models["midg-roll"]), LOGS)
+    jobs["flight-yaw"] = (partial(of_flight, models), LOGS)
     for row in store.published("comparison-cep").itertuples():
         reader = partial(of_receiver, row.cep_m, row.differential == "yes")
         jobs[f"cep-{row.receiver.split()[0].lower()}"] = (reader, LOGS)
     jobs["terrain-bias"] = (of_bias, LOGS)
-    jobs["flight-yaw"] = (partial(of_flight, models), LOGS)
-    return jobs | {"terrain-recipe": (by_recipe, LOGS), "terrain-fitted": (by_likelihood, FITTED)}
+    return jobs | {"terrain-recipe": (by_recipe, LOGS)}
 
 
 def streams(name, logs):
-    """Give the random streams of a subject's logs; recipe and fit read the same ones."""
-    seed = TERRAIN_SEED if name in ("terrain-recipe", "terrain-fitted") else None
+    """Give the random streams of a subject's logs."""
+    seed = TERRAIN_SEED if name == "terrain-recipe" else None
     return np.random.SeedSequence(seed or [SEED, list(subjects()).index(name)]).spawn(logs)
 
 
@@ -222,7 +202,7 @@ def study(folder=FOLDER, **where):
     source = {
         "title": "Ensembles of simulated logs behind the verdicts of notebooks 10 to 14 and 41",
         "made_by": "python -m analysis coverage ensembles --out FOLDER",
-        "seeds": {"papers": SEED, "terrain-recipe, terrain-fitted": TERRAIN_SEED},
+        "seeds": {"papers": SEED, "terrain-recipe": TERRAIN_SEED},
         "logs": {name: logs for name, (_, logs) in subjects().items()},
         "duration_s": DURATION_S,
         "rate_hz": RATE_HZ,

@@ -26,7 +26,7 @@ def test_every_quantity_of_a_verdict_has_200_logs():
     source, tables = store.read("ensembles")
     assert set(tables) == set(ensembles.subjects()) == set(source["logs"])
     for name, (_, logs) in ensembles.subjects().items():
-        assert logs >= claims.FEWEST_LOGS or name == "terrain-fitted"  # a comparison, no verdict
+        assert logs >= claims.FEWEST_LOGS
         assert (tables[name].groupby("quantity")["log"].nunique() == logs).all(), name
         assert not tables[name].duplicated(["quantity", "log"]).any()
 

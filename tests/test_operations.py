@@ -154,11 +154,3 @@ def test_how_often_steps_come(steps):
     assert tally.total() == 8 * sample.total() + step.total()
     # Seven means, the force, its weight, and the share of the upright mean.
     assert kinds(steps, "5", "fix")["divisions"] == 7 + 3
-
-
-def test_the_alignment_counts_its_mean_and_its_matrix():
-    """analytic: two means of six: 10 sums, 2 divisions; two vectors made square, one product."""
-    found = operations.alignment_costs()
-    assert found["mean"] == buffer_mean(6, axes=2).total()
-    # north: dot 5, subtraction 6, length 5 + 1 division, scaling 3; cross product 9; minus one root
-    assert found["rotation"] == pytest.approx(28, abs=1)

@@ -222,19 +222,6 @@ def test_the_standard_error_covers():
     assert 0.93 < np.mean(np.hstack(inside)) < 0.97
 
 
-def test_the_bound_of_a_sine():
-    """Analytic: for h = a sin(k s) the mean squared slope is (a k)^2 / 2."""
-    step, n, a, k = 0.5, 2000, 2.0, 2 * np.pi / 50.0
-    values = a * np.sin(k * step * np.arange(n))
-    columns = dict.fromkeys(terrain_map.Profile.__dataclass_fields__, values)
-    made = terrain_map.Profile(**columns | {"s_m": step * np.arange(n), "length_m": step * n})
-    bound = made.position_bound({"pitch": 0.1}, 100.0, 2.0)
-    expected = 1 / np.sqrt((a * k) ** 2 / 2 / 0.1**2 * 100.0 / 2.0)
-    np.testing.assert_allclose(bound, expected, rtol=2e-3)  # central differences at k h / 2 = 0.03
-    both = made.position_bound({"pitch": 0.1, "roll": 0.1}, 100.0, 2.0)
-    np.testing.assert_allclose(both, bound / np.sqrt(2), rtol=1e-9)
-
-
 # ---------------------------------------------------------------- jumps of the height
 
 

@@ -186,34 +186,6 @@ class Profile:
         around = np.arange(-more, points + more + 1) % points
         return AttitudeMap(-more * step, step, rows[:, around])
 
-    def position_bound(self, noise_deg, window, spacing) -> np.ndarray:
-        """Give the Cramer-Rao bound of a position from samples over a stretch of a closed map.
-
-        For samples z = h(s + shift) + noise, independent once in every ``spacing`` metres::
-
-            var(shift) >= 1 / sum((dh/ds)^2 / noise^2)
-
-        Parameters
-        ----------
-        noise_deg : dict of str to float
-            Standard deviation of a sample about the map, for each channel ("pitch", "roll") used.
-        window, spacing : float
-            Length of the stretch, distance between independent samples, m.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Smallest standard deviation for the stretch that starts at each point, m.
-        """
-        values = np.array([getattr(self, f"{name}_deg") for name in noise_deg])
-        noise, step = np.array([*noise_deg.values()])[:, None], self.s_m[1] - self.s_m[0]
-        slope = (np.roll(values, -1, axis=1) - np.roll(values, 1, axis=1)) / (2 * step)
-        per_point = (slope**2 / noise**2).sum(axis=0) * step / spacing
-        count = max(1, round(window / step))
-        total = np.cumsum(np.concatenate([[0.0], per_point, per_point[: count - 1]]))
-        with np.errstate(divide="ignore"):
-            return 1.0 / np.sqrt(total[count:] - total[:-count])
-
 
 def lap_curves(laps, line, width):
     """Smooth every quantity of every lap onto the grid of a centre line.

@@ -14,9 +14,8 @@ from analysis.tracker.evaluate import (
     stationary_period,
     stationary_periods,
 )
-from analysis.tracker.last_position import Stored
+from analysis.tracker.last_position import GATE_ALONE, Stored
 from analysis.tracker.log_replay import replay
 from analysis.tracker.mounting import printed_angle
-from analysis.tracker.operations import alignment_costs, block_costs, filter_costs
+from analysis.tracker.operations import block_costs, filter_costs
 from analysis.tracker.scenarios import GnssErrors, ImuErrors, assumed_errors, scenario
-from analysis.tracker.starts import simulated_starts

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.tracker import kalman
-from analysis.tracker.at_rest import BLOCK_S, LowPass, RestDetector, StaticTest, mean
+from analysis.tracker.at_rest import BLOCK_S, LowPass, RestDetector, StaticTest
 from analysis.tracker.attitude import Attitude, Upright
 from analysis.tracker.constrained import STEP_S, Constrained
 from analysis.tracker.fusion import Fusion
@@ -288,26 +288,6 @@ def block_costs(rate: float = 40.0) -> pd.DataFrame:
     index = pd.MultiIndex.from_arrays([blocks, names], names=["block", "step"])
     table = pd.DataFrame(tallies, index, KINDS).fillna(0).astype(int)
     return table.assign(total=table.sum(axis=1), times_a_second=times)
-
-
-def alignment_costs(rate: float = 40.0) -> dict[str, int]:
-    """Count the parts of block 5 that Table I lists by themselves.
-
-    Parameters
-    ----------
-    rate : float
-        Samples of the IMU a second.
-
-    Returns
-    -------
-    dict of int
-        Operations of the ``mean`` of a straight's accelerations, and of the ``rotation`` matrix.
-    """
-    averaged, turning = Counter[str](), Counter[str]()
-    mean([tuple(row) for row in counted(np.ones((MountingYaw.straight_length, 2)), averaged)])
-    block = instrument(under_way(1 / rate), turning)
-    _ = block.C_nb
-    return {"mean": averaged.total(), "rotation": turning.total()}
 
 
 def under_way(dt):

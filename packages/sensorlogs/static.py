@@ -196,7 +196,7 @@ def read(
     repairs = (*stated, *rows.repairs, *notes, *left, *grid.repairs, *_missing(rows, lost), *said)
     if grid.size < SAMPLES_NEEDED:
         raise CannotAnswer(
-            f"{rows.place(len(rows.frame) - 1)}: the log ends after {len(rows.frame)} samples; a "
+            f"{rows.place(len(rows.frame) - 1)}: the log ends at its sample {len(rows.frame)}; a "
             f"noise analysis needs at least {SAMPLES_NEEDED}: give a longer log or stretch"
         )
     if temperature is not None:  # straight lines over what is missing

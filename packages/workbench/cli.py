@@ -218,8 +218,8 @@ def report(log, out, part=None, **reading):
     walk needs about an hour. A correlation time needs a log at least ten times as long: hours
     rather than minutes.
 
-    The page begins with a verdict: is the sensor within its data sheet (--part, else the part that
-    the log's name tells, else the nearest), did it lie still, is the log long enough.
+    The page begins with a verdict: is the sensor within its data sheet (--part, else the part
+    that the log's name tells), did it lie still, is the log long enough.
 
     Writes model.json (every parameter with its 95 % interval), report.html (one page to pass on),
     figures/ and exports/.

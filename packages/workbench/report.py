@@ -64,17 +64,16 @@ def _told(result, model, atlas, part):
     dt = 1 / result.source["rate_hz"]
     plans = {c.name: hours_to_record(c, dt) for c in result.channels}
     enough = verdict.long_enough(result, {name: hours for name, (hours, _) in plans.items()})
-    key, why, certain = verdict.choose_part(result, atlas, part)
+    key, why = verdict.choose_part(result, atlas, part)
     sheet = atlas[(atlas["sensor"] == key) & (atlas["basis"] == "datasheet")]
-    within = verdict.within_datasheet(result, sheet, why, certain)
-    nearest = None if certain or sheet.empty else sheet["name"].iloc[0]
+    within = verdict.within_datasheet(result, sheet, why)
     return {
         "source": result.source,
         "channels": result.channels,
         "names": verdict.NAMES,
         "symbols": verdict.SYMBOLS,
         "answers": [within, verdict.at_rest(result), enough],
-        "headline": verdict.headline(within, enough, nearest),
+        "headline": verdict.headline(within, enough),
         "groups": verdict.summary(result),
         "reasons": verdict.reasons(result),
         "road": verdict.road(model),

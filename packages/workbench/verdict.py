@@ -188,41 +188,23 @@ def choose_part(result, atlas, wanted=None):
         None if there is nothing to compare.
     why : Said
         Why this part.
-    certain : bool
-        False where it is only the nearest, or none.
     """
     sheets = atlas[atlas["basis"] == "datasheet"]
     if wanted is not None:
-        return known_part(atlas, wanted), Said("part_named"), True
+        return known_part(atlas, wanted), Said("part_named")
     words = {name: _plain(result.source[name]) for name in ("title", "file")}
     for key in sorted(dict.fromkeys(sheets["sensor"]), key=len, reverse=True):
         where = next((name for name, word in words.items() if key in word), None)
         if where:
-            return key, Said("part_in_name", {"where": where}), True
-    gyros = [c for c in result.channels if c.kind == "rate" and c.parameters["arw"].resolved]
-    if not gyros:
-        return None, Said("no_part"), False
-    n, b = (_typical(gyros, key) for key in LEADING["rate"])
-    rates = sheets[sheets["kind"] == "rate"]
-    far = np.log10(n / rates["n"]) ** 2 + (np.log10(b / rates["b"]) ** 2 if b else 0.0)
-    nearest = rates.loc[far.idxmin()]
-    about = {"by": ["N", "B"] if b else ["N"], "part": nearest["name"]}
-    return nearest["sensor"], Said("nearest_part", about), False
+            return key, Said("part_in_name", {"where": where})
+    return None, Said("no_part")
 
 
 def _plain(name):
     return re.sub(r"[^a-z0-9]", "", str(name).lower())
 
 
-def _typical(channels, key):
-    """Geometric mean of a parameter over the gyros that resolve it, in deg/s; None if none does."""
-    found = [
-        IN_ATLAS[c.unit] * c.parameters[key].value for c in channels if c.parameters[key].resolved
-    ]
-    return float(np.exp(np.mean(np.log(found)))) if found else None
-
-
-def within_datasheet(result, sheet, why, certain=True):
+def within_datasheet(result, sheet, why):
     """Compare N and B of every gyro and accelerometer with a data sheet, interval by interval.
 
     Parameters
@@ -232,8 +214,6 @@ def within_datasheet(result, sheet, why, certain=True):
         The rows of the part; empty if there is none.
     why : Said
         Why this part.
-    certain : bool
-        Whether the sensor is that part, or only near it: then nothing is decided.
 
     Returns
     -------
@@ -257,8 +237,6 @@ def within_datasheet(result, sheet, why, certain=True):
             outcomes += [outcome for _, outcome, _ in found]
             about["stated"] = Estimate(stated, None, None, channels[0].parameters[key].unit)
             said.append(Said("stated", about | {"groups": _in_groups(found)}))
-    if not certain:
-        return Answer(Said("within"), "open", [[why], said])
     answer = "no" if "above" in outcomes else "yes" if set(outcomes) == {"within"} else "open"
     return Answer(Said("within", {"part": sheet["name"].iloc[0]}), answer, [said, [why]])
 
@@ -284,15 +262,13 @@ def _in_groups(found):
     return groups
 
 
-def headline(within, enough, nearest=None):
+def headline(within, enough):
     """Give the verdict in one sentence.
 
     Parameters
     ----------
     within, enough : Answer
         Of `within_datasheet` and `long_enough`.
-    nearest : str, optional
-        The nearest part, where it is not known which part the sensor is.
 
     Returns
     -------
@@ -300,7 +276,7 @@ def headline(within, enough, nearest=None):
     """
     part = within.question.numbers.get("part")
     answer = within.answer if part else enough.answer
-    return Said("headline", {"answer": answer, "part": part, "nearest": nearest})
+    return Said("headline", {"answer": answer, "part": part})
 
 
 # One table of all axes
