@@ -227,7 +227,7 @@ def errors_by_good_fixes(gnss: Gnss, *, later: bool) -> np.ndarray:
     """Judge each fix by the good ones 5 to 15 s later, or earlier, carried to it at their speed.
 
     What is wrong for longer than that does not show. A fix that is judged by later ones comes
-    before good ones, so neither judge alone sees all fixes, and waiting pays by later ones alone.
+    before good ones, so neither judge alone sees all fixes.
 
     Parameters
     ----------

@@ -248,7 +248,7 @@ BAD_ROWS = [  # rows, what is said of the first that is faulty; what cannot be a
     ([*lines()[:100], *lines()[90:]], "line 102 | 't_s' | backward | --rate"),
     ([*lines()[:50], *lines()[120:]], "line 52 | 't_s' | 70 of 200 | --from"),
     (HALF, "line 2 | 'gyro_x_deg_s' | 67 of 200 | --columns"),
-    (lines(40), "line 41 | after 40 | 64"),
+    (lines(40), "line 41 | its sample 40 | 64"),
     ([], "line 1 | no data"),
 ]  # fmt: skip
 AB = HEADER.replace("_deg_s", "")

@@ -53,8 +53,8 @@ class GnssErrors:
     settling_m, settle_time : float
         Size (m) and time constant (s) of an offset that decays after power-on.
     STARTS : dict of str -> (float, float)
-        The same two of real receivers at rest after a cold start, by name of their log in gpsd's
-        tests, as tests/test_scenarios.py measures them.
+        The same two of real receivers at rest after a start, not known to be cold, by name of their
+        log in gpsd's tests, as tests/test_scenarios.py measures them.
     """
 
     drift: tuple = tuple((size / AT_PDOP, seconds) for size, seconds in DRIFTS)
