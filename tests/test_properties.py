@@ -214,7 +214,7 @@ NEEDED = {  # by each verb, so that its other flags matter
 
 @pytest.mark.parametrize("verb", NEEDED)
 @given(data=st.data())
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_any_word_after_a_flag_is_taken_or_refused(tmp_path, monkeypatch, capsys, verb, data):
     """property: of up to two flags of a verb; refused, it says why and writes nothing."""
     options = [p for p in app.commands[verb].params if p.opts[0][0] == "-" and not p.is_flag]

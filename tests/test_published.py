@@ -73,7 +73,8 @@ def claim_faults(row):
     """List, in a sentence each, what is wrong with a row of claims.csv."""
     value, low = float(row["value"]), float(row["low"] or "-inf")
     high, untestable = float(row["high"] or "inf"), row["why"].startswith("not testable: ")
-    needs = r"needs the paper's own (logs|code)|the maker's data sheet is not at hand|no real log here has"
+    needs = r"needs the paper's own (logs|code)|the maker's data sheet is not at hand"
+    needs += r"|no real log here has"
     yes = (row["value"], row["low"], row["high"], row["unit"]) == ("1", "1", "1", "yes or no")
     rules = {
         "where, claim, quantity, value, unit and why are filled in, without blanks around":
