@@ -252,7 +252,7 @@ def verdicts() -> pd.DataFrame:
     return table
 
 
-def judge(value, low, high, agree_low, agree_high):
+def judge(value, low, high, agree_low, agree_high, unit="1"):
     """Compare a value and its 95 % interval with the range that counts as agreement.
 
     Parameters
@@ -261,6 +261,8 @@ def judge(value, low, high, agree_low, agree_high):
         What came out here; None where it is unresolved, or unbounded on that side.
     agree_low, agree_high : float
         NaN where the claim is unbounded on that side.
+    unit : str
+        In which an open interval is told.
 
     Returns
     -------
@@ -272,12 +274,11 @@ def judge(value, low, high, agree_low, agree_high):
     if top < agree_low or bottom > agree_high:  # false of a bound that is NaN, as everywhere here
         return NOT_REPRODUCED
     if value is None:
-        return f"{UNDECIDABLE}: the log leaves {_span(low, high)} open"
+        return f"{UNDECIDABLE}: the log gives no value ({_short(low, high, unit)})"
     if not (bottom < agree_low or top > agree_high):
         return REPRODUCED
-    return (
-        f"{UNDECIDABLE}: the 95 % interval {_span(low, high)} is partly outside the claim's range"
-    )
+    outside = f"({_short(low, high, unit)}) is partly outside the claim's range"
+    return f"{UNDECIDABLE}: the 95 % interval {outside}"
 
 
 def judge_logs(found, agree_low, agree_high):
@@ -547,13 +548,18 @@ def _verdict(row, found):
         return judge_logs(logs, row["low"], row["high"])
     ends = (found.value, found.low, found.high) if isinstance(found, Estimate) else found
     ends = [None if x is None or x != x else float(x) for x in ends]
-    return judge(*ends, row["low"], row["high"]), ends
+    return judge(*ends, row["low"], row["high"], row["unit"]), ends
 
 
 def _rounded(row, ends):
     """Round to three digits: what such an interval means, and any machine prints; counts stay."""
     exact = ends[1] is None and ends[2] is None and row["unit"] == "count"
     return [None if x is None else float(f"{x:.{9 if exact else 3}g}") for x in ends]
+
+
+def _short(low, high, unit):
+    """Write an interval in words, to three digits."""
+    return _range(*(None if x is None else float(f"{x:.3g}") for x in (low, high)), unit)
 
 
 def _in_a_car(row):
@@ -627,10 +633,3 @@ def _range(low, high, unit):
         return low
     before, _, after = WRITTEN.get(unit, ("", 1, f" {pretty(unit)}"))
     return f"between {low.removesuffix(after)} and {high.removeprefix(before)}"
-
-
-def _span(low, high):
-    def end(x):
-        return "…" if x is None or x != x else engineering(x)
-
-    return f"{end(low)} to {end(high)}"
