@@ -23,7 +23,7 @@ MAKERS = {
     "sweeps": surveys.sweeps,
     "real-laps": real_laps.runs,
     "terrain-verdicts": terrain_verdicts.verdicts,
-    "adis16405-units": repeatability.units,
+    "adis16405-quarters": repeatability.quarters,
     "tracker-parked": rides.parked,
     "tracker-starts": rides.starts,
     "tracker-cold-phone": rides.cold_phone,

@@ -23,7 +23,6 @@ from analysis.noise import infer
 from analysis.noise.allan import allan_deviation, steady
 from analysis.noise.inference import INSTEAD
 from sensorlogs import catalogue, datasets, formats
-from studies import pool as pooling
 from studies.cells import DIGITS, Cell, tabulate
 
 FOLDER = store.FOLDER / "repeatability"
@@ -204,47 +203,27 @@ def _at(curve, tau):
     return [Estimate(curve.adev[k], low[k], high[k]) for low, high in ends]
 
 
-def units():
-    """Pool the gyros of the three ADIS16405, axis by axis, and list what was fitted to each.
+def quarters():
+    """Give the power of the slow noise in each quarter of the gyros of the ADIS16405 logs.
 
     Returns
     -------
     source : dict
-        With ``may_be_one_unit``: pairs of units whose mean biases are suspiciously alike, and the
-        largest difference of their axes (deg/s).
     tables : dict of DataFrame
-        ``pooled``: channel, model, parameter, value, low, high, unit, resolved, note, and the
-        bound of the spread between units (%). ``channels``: log, channel, model, quarters (power
-        of slow noise over the model's, in each quarter).
+        ``channels``: log, channel, model, quarters (power over the fitted model's, in each).
     """
-    read_logs, pooled, rows, biases = {name: read(name) for name in ADIS}, [], [], []
-    for k, channel in enumerate(next(iter(read_logs.values())).channels):
-        if channel.kind != "rate":
-            continue
-        inferences, means = [], []
-        for name, log in read_logs.items():
-            y, seed = log.channels[k].values, [SEED, k, len(means)]
-            result = infer(y, log.dt, channel.unit, "rate", np.random.default_rng(seed))
-            inferences.append(result)
-            means.append(float(y.mean()))
-            quarters = " ".join(f"{ratio:.2f}" for ratio, _ in result.stationarity.quarters)
-            about = {"log": name, "channel": channel.name, "model": result.chosen.model}
-            rows.append(about | {"quarters": quarters})
-        common, biases = pooling.pool(inferences, log.dt, channel.unit, "rate"), [*biases, means]
-        repeats = pooling.repeatability(means, channel.unit, "rate")
-        for parameter, e in (common["parameters"] | {"mean": repeats}).items():
-            row = {"channel": channel.name, "model": common["model"], "parameter": parameter}
-            spread = common["spread"].get(parameter)
-            high = spread and static_logs.stored.plain(spread)["high"]
-            pooled.append(row | static_logs.stored.plain(e) | {"spread_high": high})
-    alike = [(i + 1, j + 1, most) for i, j, most in pooling.alike(np.transpose(biases))]
-    tables = {"pooled": pd.DataFrame(pooled), "channels": pd.DataFrame(rows)}
-    return (
-        {"title": "Three units of ADIS16405: their gyros pooled, axis by axis", "seed": SEED}
-        | {"may_be_one_unit": [[i, j, store.rounded_number(most)] for i, j, most in alike]}
-        | sources(read_logs.values()),
-        {name: store.rounded(table, DIGITS) for name, table in tables.items()},
-    )
+    read_logs, rows = {name: read(name) for name in ADIS}, []
+    for i, (name, log) in enumerate(read_logs.items()):
+        for k, channel in enumerate(log.channels):
+            if channel.kind == "rate":
+                rng = np.random.default_rng([SEED, k, i])
+                result = infer(channel.values, log.dt, channel.unit, "rate", rng)
+                ratios = " ".join(f"{ratio:.2f}" for ratio, _ in result.stationarity.quarters)
+                about = {"log": name, "channel": channel.name, "model": result.chosen.model}
+                rows.append(about | {"quarters": ratios})
+    title = "Three logs of ADIS16405: slow noise of their gyros in quarters"
+    source = {"title": title, "seed": SEED} | sources(read_logs.values())
+    return source, {"channels": pd.DataFrame(rows)}
 
 
 def sources(logs_read):

@@ -8,7 +8,7 @@ from analysis import store
 from studies import derived, rides, surveys
 
 # Nine gyros, of which test_repeatability takes one; hundreds of sensors, of which some below.
-SLOW = {"adis16405-units", "real-laps", "error-surface", "sweeps", "inverse-design"}
+SLOW = {"adis16405-quarters", "real-laps", "error-surface", "sweeps", "inverse-design"}
 SLOW |= {"terrain-verdicts", "tracker-outages"}
 
 

@@ -84,9 +84,9 @@ def test_allan_curves_of_one_log_again(monkeypatch):
         np.testing.assert_allclose(now[column], stored[column], rtol=store.TOLERANCE)
 
 
-def test_a_pooled_gyro_again():
-    """cross-check: one of the nine pooled gyros, fitted now, gives its model and quarters."""
-    stored = store.read("adis16405-units").tables["channels"].set_index(["log", "channel"])
+def test_quarters_of_a_gyro_again():
+    """cross-check: one of the nine gyros, fitted now, gives its model and quarters."""
+    stored = store.read("adis16405-quarters").tables["channels"].set_index(["log", "channel"])
     name, k = "adis16405-3", 1
     log = where_here(repeatability.read, name)
     channel, rng = log.channels[k], np.random.default_rng([repeatability.SEED, k, 2])
