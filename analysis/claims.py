@@ -172,15 +172,16 @@ def counted() -> text.Shown:
     twice = (
         f" The terrain paper does not say where the noise of a gyro is put, so {len(ways)} of them"
         f" are judged for both places: on the attitude {paper} hold, integrated as in a car {car}."
-        f" Counted above is the former, or the latter where the former is open."
+        " Counted above is the former, chosen because most claims hold there, or the car's where"
+        " that is open."
     )
     return text.Shown(
         f"The papers make {claimed} claims; {n.sum()} are independent (each computation once,"
-        f" history left out). {agree} of these are reproduced, {n[REPRODUCED]} without a"
-        f" condition (as: the sensor is its printed model); {differ} are not, {n[NOT_REPRODUCED]}"
-        f" without one; {n[UNDECIDABLE]} are left open by the data or logs as long as the papers',"
-        f" {n[NOT_TESTABLE]} need data not at hand; {n[BY_CONSTRUCTION]} could not have come out"
-        f" otherwise and are no evidence{waiting}."
+        f" history left out). {agree} of these are reproduced, {n[REPRODUCED]} of them"
+        f" without a condition (such as that the sensor is its printed model); {differ} are not,"
+        f" {n[NOT_REPRODUCED]} without one; {n[UNDECIDABLE]} are left open by the data or logs"
+        f" as long as the papers', {n[NOT_TESTABLE]} need data not at hand; {n[BY_CONSTRUCTION]}"
+        f" could not have come out otherwise and are no evidence{waiting}."
         f"{twice * bool(len(ways))}"
     )
 

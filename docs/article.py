@@ -34,7 +34,8 @@ SPELLED = {
 FOUND = {
     "11": r"show (?P<times>.+ times) the white noise",
     "13": r"σ_v to (?P<sigma>±.+) or .* T_c to (?P<near>±.+) takes (?P<lengths>.+) correlation",
-    "21": r"four states (?P<rms>.+ m)\.",
+    "21": r"; (?P<times>\d+ R₀) errs (?P<large>.+ m), odometry alone (?P<odometry>.+ m), "
+    r"four states (?P<rms>.+ m)\.",
     "23": r"(?P<gyros>\d+) gyros .* reach (?P<error>.+ m) if the filter",
     "34": r"constraint errs by (?P<constrained>.+ m), in 5% over (?P<worst>.+ m), "
     r"constant velocity by (?P<constant>.+ m)\.",
@@ -71,7 +72,7 @@ def findings() -> dict[str, dict]:
     """Give each finding, by the two digits of its notebook."""
     rows = claims.findings()
     # What follows a colon in an advice and names a command is for those at a terminal.
-    rows["so"] = rows["so"].str.replace(r": `.*", ".", regex=True)
+    rows["so"] = rows["so"].str.replace(r": `.*| \(`[^)]*\)", "", regex=True)
     for column in ("sentence", "condition", "so"):
         rows[column] = rows[column].map(spelled)
     return {row["notebook"][:2]: row | {"number": n} for n, row in rows.to_dict("index").items()}
@@ -119,7 +120,10 @@ def numbers() -> dict[str, str]:
     readings, laps = store.read("readings"), store.read("real-laps").tables
     rms = laps["filters"].set_index(["filter", "gyro"])["rms_m"]
     parts = store.read("inverse-design").tables["parts"].set_index(["tracker", "start", "map"])
-    tuned = parts.loc[("R tuned", "stationary", "exact map"), "error_m"]
+    tuned, on_map = (
+        parts.loc[("R tuned", "stationary", on), "error_m"]
+        for on in ("exact map", "measured map error")
+    )
     said = counted() | {
         "level": "95 %", "most": f"{claims.MOST:.0%}", "choices": len(readings.source["levels"]),
         "sources": sources[sources != "format-samples"].nunique(),
@@ -132,6 +136,7 @@ def numbers() -> dict[str, str]:
         "one state": f"{rms['R = 1 R0', 'MEMS']:.2f} m",
         "tactical": f"{rms['four states', 'tactical']:.2f} m",
         "exact map": f"{tuned.min():.2f} to {tuned.max():.2f} m",
+        "measured map": f"{on_map.min():.2f} to {on_map.max():.2f} m",
     }  # fmt: skip
     for row in claims.findings().itertuples():
         if words := FOUND.get(row.notebook[:2]):
