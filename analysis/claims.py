@@ -153,11 +153,12 @@ def counts() -> pd.DataFrame:
     pandas.DataFrame, indexed by paper
         A column for each of `OUTCOMES`.
     """
-    rows = _computed()
+    rows = independent()
     return pd.crosstab(rows["paper"], rows["outcome"]).reindex(columns=OUTCOMES, fill_value=0)
 
 
-def _computed():
+def independent() -> pd.DataFrame:
+    """Give the claims that count as `verdicts` has them: one for each computation, no history."""
     register = published()
     return verdicts()[register["same_as"].isna() & ~register["why"].str.contains(THAT_DAY)]
 
@@ -167,7 +168,7 @@ def counted() -> text.Shown:
     n, claimed = counts().sum(), len(published())
     agree, differ = (n[kind] + n[f"{kind} if"] for kind in (REPRODUCED, NOT_REPRODUCED))
     waiting = f", and {n[NOT_YET]} wait for a notebook" * bool(n[NOT_YET])
-    ways = _computed()[WAYS].dropna()
+    ways = independent()[WAYS].dropna()
     paper, car = (sum(said.startswith(REPRODUCED) for said in of) for _, of in ways.items())
     twice = (
         f" The terrain paper does not say where the noise of a gyro is put, so {len(ways)} of them"

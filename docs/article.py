@@ -92,8 +92,9 @@ def counted() -> dict[str, int]:
     """Count claims, verdicts and errata."""
     counts, verdicts, errata = claims.counts(), claims.verdicts(), store.published("errata")
     counts.loc["all"] = counts.sum()
-    lacking = verdicts.loc[verdicts["outcome"] == claims.NOT_TESTABLE, "verdict"]
-    both = verdicts[verdicts["as_a_car_does"].notna()]
+    once = claims.independent()
+    lacking = once.loc[once["outcome"] == claims.NOT_TESTABLE, "verdict"]
+    both = once[once["as_a_car_does"].notna()]
     ways = {c: both[c].str.partition(";")[0] for c in ("as_the_paper_did", "as_a_car_does")}
     said = {
         "claims": len(verdicts), "both": len(both), "logs": claims.FEWEST_LOGS,
