@@ -193,6 +193,7 @@ def dataflash(path: Path) -> list[Part]:
     """
     from pymavlink import DFReader
 
+    os.environ["PYMAVLINK_FAST_INDEX"] = "0"  # in C it ends the whole process at some damage
     with reading(path, "an ArduPilot DataFlash log", "pymavlink"), _silent():
         log = DFReader.DFReader_binary(str(path))
         raw = np.frombuffer(log.data_map, dtype=np.uint8)
