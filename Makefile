@@ -72,7 +72,7 @@ AGAIN = "$(CURDIR)/scratch/findings-$(SEED)"
 OTHER = COMPENDIUM_SEED=$(SEED) COMPENDIUM_DERIVED=$(AGAIN)/derived $(BIN)/python -m analysis
 findings: $(READY)
 	rm -rf $(AGAIN) && mkdir -p $(AGAIN) && cp -r data/derived $(AGAIN)/derived
-	$(OTHER) data --rebuild --write real-laps inverse-design terrain-verdicts tracker-stops
+	$(OTHER) data --rebuild --write real-laps inverse-design terrain-verdicts tracker-stops tracker-outages
 	$(OTHER) readings --compiled --readings 64 --best 1 --out $(AGAIN)/derived/readings
 	$(OTHER) reproduce --scratch $(AGAIN)/out -p SEED=$(SEED) 21 23 24 32
 

@@ -35,7 +35,7 @@ from analysis import (
 )
 
 __all__ = [
-    "INTEGRATED", "OUTCOMES", "Ledger", "counted", "counts", "finding", "learned",
+    "INTEGRATED", "OUTCOMES", "Ledger", "counted", "counts", "finding", "independent", "learned",
     "of_paper", "published", "verdicts",
 ]  # fmt: skip
 
@@ -276,7 +276,9 @@ def judge(value, low, high, agree_low, agree_high, unit="1"):
     if top < agree_low or bottom > agree_high:  # false of a bound that is NaN, as everywhere here
         return NOT_REPRODUCED
     if value is None:
-        return f"{UNDECIDABLE}: the log gives no value ({_short(low, high, unit)})"
+        known = _short(low, high, unit)
+        only = f", only a bound ({known})" * (known != "–")
+        return f"{UNDECIDABLE}: the log gives no value{only}"
     if not (bottom < agree_low or top > agree_high):
         return REPRODUCED
     outside = f"({_short(low, high, unit)}) is partly outside the claim's range"

@@ -62,7 +62,8 @@ def test_judge(found, agree, verdict):
     value, low, high = (None if x is None else -x for x in found)
     for said in (judge(*found, *agree), judge(value, high, low, -agree[1], -agree[0])):
         assert said.split(": ")[0] == verdict and (": " in said) == (verdict == UNDECIDABLE)
-    assert "no value (at least 1.2 s)" in judge(None, 1.2, None, 1, 2, "s")
+    assert "no value, only a bound (at least 1.2 s)" in judge(None, 1.2, None, 1, 2, "s")
+    assert judge(None, None, None, 1, 2) == f"{UNDECIDABLE}: the log gives no value"
     assert "(between 1.9 and 3.5 s)" in judge(3.0, 1.9, 3.5, 1, 2, "s")
 
 

@@ -19,7 +19,9 @@ def test_derived_results_are_those_of_the_raw_log(name):
 
 
 def test_outages_of_two_rides_again(monkeypatch):
-    """cross-check: each ride is judged by itself; the other two take three quarters of the time."""
+    """cross-check: each ride is judged by itself. `data --rebuild tracker-outages` makes all four:
+    the phone's, on which finding 4 rests, and the roof's take three quarters of the time.
+    """
     monkeypatch.setattr(rides, "WHEELS", two := ("genivi-car", "car"))
     _, now = where_here(derived.make, "tracker-outages")
     same = {"rtol": store.TOLERANCE, "check_dtype": False}

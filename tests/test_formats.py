@@ -628,6 +628,14 @@ def test_channels_lists_what_is_in_a_log(tmp_path):
     assert "c1" in told("channels", write("NumPy npy, a matrix", tmp_path))
 
 
+def test_a_dataflash_log_is_indexed_in_python(tmp_path, monkeypatch):
+    """known case: the index in C, which can end the process, is not called."""
+    write_dataflash(tmp_path / "log.bin")
+    monkeypatch.setenv("PYMAVLINK_FAST_INDEX", "1")
+    monkeypatch.setattr("pymavlink.DFReader.dfindexer.build_offsets", None)
+    read(tmp_path / "log.bin")
+
+
 def test_a_dataflash_log_without_a_clock(tmp_path):
     """Property: a log without a table is a sentence for every verb."""
     write_dataflash(tmp_path / "old.bin")
