@@ -276,12 +276,12 @@ def judge(value, low, high, agree_low, agree_high, unit="1"):
     if top < agree_low or bottom > agree_high:  # false of a bound that is NaN, as everywhere here
         return NOT_REPRODUCED
     if value is None:
-        known = _short(low, high, unit)
+        known = _range(*_rounded(unit, low, high), unit)
         only = f", only a bound ({known})" * (known != "–")
         return f"{UNDECIDABLE}: the log gives no value{only}"
     if not (bottom < agree_low or top > agree_high):
         return REPRODUCED
-    outside = f"({_short(low, high, unit)}) is partly outside the claim's range"
+    outside = f"({_range(*_rounded(unit, low, high), unit)}) is partly outside the claim's range"
     return f"{UNDECIDABLE}: the 95 % interval {outside}"
 
 
@@ -449,7 +449,7 @@ class Ledger:
             verdict, way, turn = other, (INTEGRATED, *when[1:]), turns[1]
         conditions = (*dict.fromkeys(way), turn and f"R is R₀ ({turn})")
         together = ", ".join(filter(None, conditions))
-        both = dict(zip(TWICE, (*ways, *_rounded(row, ends[1])), strict=True))
+        both = dict(zip(TWICE, (*ways, *_rounded(row["unit"], *ends[1])), strict=True))
         return self._enter(row, (verdict, ends[0]), together, both)
 
     def table(self, elsewhere: str | None = None, *, main: bool = False) -> text.Shown:
@@ -531,7 +531,7 @@ class Ledger:
         return verdict
 
     def _entry(self, row, verdict, ends):
-        entry = (row.name, verdict, *_rounded(row, ends), row["unit"], self.notebook)
+        entry = (row.name, verdict, *_rounded(row["unit"], *ends), row["unit"], self.notebook)
         return dict.fromkeys(COLUMNS) | dict(zip(ONCE, entry, strict=True))
 
     def _entries(self):
@@ -555,15 +555,10 @@ def _verdict(row, found):
     return judge(*ends, row["low"], row["high"], row["unit"]), ends
 
 
-def _rounded(row, ends):
+def _rounded(unit, *ends):
     """Round to three digits: what such an interval means, and any machine prints; counts stay."""
-    exact = ends[1] is None and ends[2] is None and row["unit"] == "count"
+    exact = unit == "count" and ends[1:] == (None, None)
     return [None if x is None else float(f"{x:.{9 if exact else 3}g}") for x in ends]
-
-
-def _short(low, high, unit):
-    """Write an interval in words, to three digits."""
-    return _range(*(None if x is None else float(f"{x:.3g}") for x in (low, high)), unit)
 
 
 def _in_a_car(row):

@@ -151,6 +151,7 @@ def subjects():
     dict of str, (function, int)
     """
     models = noise.models_of_table_one(store.published("comparison-table-1"))
+    # The place of a subject decides its seed.
     jobs = {name: (partial(of_channel, model), LOGS) for name, model in models.items()}
     jobs["flight-yaw"] = (partial(of_flight, models), LOGS)
     for row in store.published("comparison-cep").itertuples():
