@@ -52,7 +52,7 @@ reproduce: $(READY)
 
 # Two workers; each takes whole files, so that a notebook's cells stay in order.
 test: lint
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # MicroPython's WebAssembly port, 2 MB, pinned with its hash. For C two compilers and an emulator.
 FOR_C = gcc libc6-dev gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm

@@ -47,7 +47,7 @@ COLUMNS = ONCE + TWICE
 ON_ATTITUDE = "the noise is put on the attitude as a density"
 INTEGRATED = "the noise is integrated, as in a car"
 FOUND = ["notebook", "sentence", "condition", "figure", "so"]
-MOST_WORDS = 30  # of the sentence of a finding
+MOST_WORDS, MOST_WHEN = 30, 65  # of the sentence of a finding, and of its condition
 NOT_YET = "not yet run"
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
 # Undecidable is a result: what is at hand, or a log of this length, cannot tell.
@@ -87,7 +87,7 @@ def finding(notebook: str, sentence: str, *, when: str, figure: str, so: str = "
     sentence : str
         What an engineer can use: at most 30 words, its numbers computed and with units.
     when : str
-        The condition under which it was found: data, simulation, setting.
+        The condition under which it was found: data, simulation, setting; at most 65 words.
     figure : str
         Name of the figure that shows it, as in `figures.save`.
     so : str
@@ -99,8 +99,9 @@ def finding(notebook: str, sentence: str, *, when: str, figure: str, so: str = "
         The sentence with its condition.
     """
     sentence, when = " ".join(sentence.split()), " ".join(when.split())
-    if (words := len(sentence.split())) > MOST_WORDS:
-        raise WrongUsage(f"the finding of {notebook} has {words} words: at most {MOST_WORDS}")
+    for part, said, most in (("finding", sentence, MOST_WORDS), ("condition", when, MOST_WHEN)):
+        if (words := len(said.split())) > most:
+            raise WrongUsage(f"the {part} of {notebook} has {words} words: at most {most}")
     row = dict(zip(FOUND, (notebook, sentence, when, figure, so), strict=True))
     _write_down("findings", notebook, [row], FOUND, lambda table: table.sort_values("notebook"))
     return text.Shown(f"**Finding.** {sentence} *{when}*")

@@ -95,7 +95,16 @@ def spread(
 def ratio_of_spreads(
     x: np.ndarray, y: np.ndarray, block: int, rng: np.random.Generator
 ) -> Estimate:
-    """Give the standard deviation of one series over that of another, by the same bootstrap."""
+    """Give the standard deviation of one series over that of another, with its 95 % interval.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,) and (m,), of one unit
+        Drawn each by itself.
+    block : int
+        Samples in a block.
+    rng : numpy.random.Generator
+    """
     low, high = interval(np.divide(*(_statistics(_draws(v, block, rng))[1] for v in (x, y))))
     return Estimate(float(np.std(x) / np.std(y)), float(low), float(high))
 

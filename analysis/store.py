@@ -3,8 +3,7 @@
 ``data/derived/<name>/`` holds ``source.json`` (the raw files with sha256, licence and source, the
 command that made the folder, single numbers; of a static log the channels of model.json) and one
 CSV for each table. Missing values are empty, truth values 0 or 1, numbers have at most nine digits;
-whoever makes a table rounds it to what it means. The functions that make them are listed in
-`studies.derived`; coverage and benchmark have commands of their own.
+whoever makes a table rounds it to what it means. ``made_by`` in ``source.json`` is the command.
 
 read("psu-highway")           any folder: its source and its tables
 published("terrain-table-2")  a table copied from one of the papers

@@ -239,15 +239,9 @@ def roads() -> Roads:
     return Roads(maps, of_paper, priced[["low", "high"]].to_numpy(), claims)
 
 
-def interpretations(name: str | Path = "readings") -> InterpretationStudy:
-    """Read the claims of the terrain paper in interpretations of it, from data/derived/readings.
-
-    Parameters
-    ----------
-    name : str or Path
-        Of another folder that ``python -m analysis readings --out`` has written.
-    """
-    source, tables = store.read(name)
+def interpretations() -> InterpretationStudy:
+    """Read the claims of the terrain paper in interpretations of it, from data/derived/readings."""
+    source, tables = store.read("readings")
     best = Judged.of(tables["best"], source["best_laps"], source["best_seed"])
     every = Judged.of(tables["readings"], source["laps"], source["seed"])
     return InterpretationStudy(every, best, roads())

@@ -116,7 +116,7 @@ def numbers() -> dict[str, str]:
     sources = pd.read_csv(DATA / "registry.csv")["file"].str.split("/").str[0]
     _, coverage = figures.read(FIGURES / "13-coverage.csv")
     outages = store.read("tracker-outages").tables["ends"].groupby(["seconds", "ride"])
-    half = outages["block 6"].median()  # error of fusion
+    half = outages["block 6 (fusion)"].median()  # error of fusion
     (short, *_, long), fusion = half.index.levels[0], half.loc[half.index.levels[0].max()]
     readings, laps = store.read("readings"), store.read("real-laps").tables
     rms = laps["filters"].set_index(["filter", "gyro"])["rms_m"]

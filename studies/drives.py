@@ -17,13 +17,18 @@ from analysis.tracker.log_replay import stepped
 from analysis.tracker.motion import steps
 from sensorlogs.timeline import Gnss, Imu, Timeline
 
+RESTS = {
+    "as printed": Options(fusion=False, rest_blocks=0, accel_tau_s=0.0),
+    "mean of 0.25 s": Options(fusion=False, rest_blocks=0),
+    "with the detector": Options(fusion=False),
+}
 WINDOW_S = 2.0  # s that the statistics of rest look back
 FASTEST_STOP = 3.0  # m/s, above which an outage begins, once the mounting angle is known
 BLOCK = 20  # epochs of a block of its bootstrap: longer than what rider and road correlate
 AWAY_S, GOOD_PDOP = (5.0, 15.0), 4.0  # fixes that tell where the receiver was
 
 
-def rest_statistics(timeline: Timeline) -> pd.DataFrame:
+def rest_statistics(timeline: Timeline) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Compute what detectors of rest hold against their thresholds, by the IMU alone.
 
     Parameters
@@ -32,21 +37,20 @@ def rest_statistics(timeline: Timeline) -> pd.DataFrame:
 
     Returns
     -------
-    pandas.DataFrame
+    statistics : pandas.DataFrame
         A row for each GNSS epoch: ``speed_m_s`` of the receiver, then, each smaller at rest,
         ``as printed``: largest horizontal acceleration of a sample since the last epoch, m/s^2
         (eq (1)); ``mean of 0.25 s``: the same of its running mean, with the tilt read again at
         rest; over the last two seconds ``variance``: standard deviation of the specific force,
         m/s^2; ``SHOE``: root of its statistic (Skog et al.), with gravity's size and the bias by
         block 2 known; ``short means``: root of the statistic of `RestDetector`.
+    static : pandas.DataFrame of bool
+        A column for each of `RESTS`: whether block 3 calls the epoch static, by speed and IMU.
     """
-    rows = [
-        {"speed_m_s": epoch.speed, "mean of 0.25 s": peak} | found
-        for epoch, peak, found in _watched(timeline, Options(fusion=False))
-    ]
-    printed = Options(fusion=False, rest_blocks=0, accel_tau_s=0.0)
-    peaks = [peak for _, peak, _ in _watched(timeline, printed)]
-    return pd.DataFrame(rows).assign(**{"as printed": peaks})
+    runs = {test: pd.DataFrame(_watched(timeline, options)) for test, options in RESTS.items()}
+    static = pd.DataFrame({test: ~run.pop("moving") for test, run in runs.items()})
+    found = runs["with the detector"].rename(columns={"peak": "mean of 0.25 s"})
+    return found.assign(**{"as printed": runs["as printed"]["peak"]}), static
 
 
 def _watched(timeline, options):
@@ -59,10 +63,12 @@ def _watched(timeline, options):
             peak[0] = max(peak[0], self.norm)
             return moving
 
-    for epoch, _, device, given in stepped(timeline, options):
+    for epoch, row, device, given in stepped(timeline, options):
         device.static.__class__ = Watched
         window = [s for s in window + given if s[0] > epoch.t_s - WINDOW_S]
-        found = dict.fromkeys(("variance", "SHOE", "short means"), np.nan)
+        found = {"speed_m_s": epoch.speed, "moving": row["moving"]}
+        found |= {"peak": peak[0] if given else np.nan}
+        found |= dict.fromkeys(("variance", "SHOE", "short means"), np.nan)
         if len(window) > 1 and device.attitude.ready and device.rest:
             force = np.array([s[2] for s in window])
             rate = np.array([s[1] for s in window]) - device.attitude.bias.x
@@ -73,7 +79,7 @@ def _watched(timeline, options):
             moved = np.sum((force - up) ** 2, axis=1) / SIGMA_FORCE**2
             found["SHOE"] = np.sqrt((moved + turning).mean())
             found["short means"] = np.sqrt(device.rest.statistic)
-        yield epoch, peak[0] if given else np.nan, found
+        yield found
         peak[0] = 0.0
 
 
@@ -124,12 +130,12 @@ def bridged(
     -------
     pandas.DataFrame
         A row an outage and length: ``t_s``, ``seconds``, ``speed_m_s`` at its start; at its end
-        the errors of ``holding``, ``constant velocity``, ``block 6`` and ``with wheels`` (m), and
-        the squared error over the variances of filter and fix, ``block 6 nees``, ``with wheels
-        nees``.
+        the errors (m): ``hold the position``, ``constant velocity``, ``block 6 (fusion)`` and
+        ``constrained filter``; of these two with `` nees`` the squared error over the variances of
+        filter and fix.
     """
     found: dict[tuple[float, float], dict[str, float]] = {}
-    for name, kind in (("block 6", "block6"), ("with wheels", "car")):
+    for name, kind in (("block 6 (fusion)", "block6"), ("constrained filter", "car")):
         options = Options(low_pass=False, filter=kind, bridge_s=2 * max(lengths))
         steps: list[tuple] = []
         last = -np.inf
@@ -165,7 +171,7 @@ def _without_fixes(since, epoch, given, lengths, name, found):
         sigma = 0.0 if np.isnan(epoch.pdop) else device.options.metres_per_pdop * epoch.pdop
         S = np.array([[nn + sigma**2, ne], [ne, ee + sigma**2]])
         row = found.setdefault((start.t_s, seconds), {"speed_m_s": start.speed})
-        row["holding"] = np.hypot(*(from_there - true))
+        row["hold the position"] = np.hypot(*(from_there - true))
         row["constant velocity"] = np.hypot(*(from_there + ahead * (epoch.t_s - start.t_s) - true))
         row[name] = np.hypot(*off)
         row[f"{name} nees"] = off @ np.linalg.solve(S, off)

@@ -37,11 +37,6 @@ STEP_DEG = 30.0  # between the known angles by which an IMU is turned
 SEED = seed(33)  # of the reference's bootstrap
 ROOF = [f"car-roof-imu/{f}" for f in ("imu_1934.csv", "imu_1934.csv.tag", "gnss_1934_sf.pos")]
 STANDING = {"car-roof": 0.1, "genivi-car": 0.3, "phone-drive": 0.1}  # m/s, by RTK and by receivers
-RESTS = {
-    "as printed": Options(fusion=False, rest_blocks=0, accel_tau_s=0.0),
-    "mean of 0.25 s": Options(fusion=False, rest_blocks=0),
-    "with the detector": Options(fusion=False),
-}
 GENIVI = {  # the CSVs of such a log: name -> columns
     "gnss": "t_ms lat_deg lon_deg height_m speed_m_s course_deg pdop satellites fix fix_mode",
     "imu": "t_ms gyro_x_deg_s gyro_y_deg_s gyro_z_deg_s accel_x_m_s2 accel_y_m_s2 accel_z_m_s2",
@@ -266,10 +261,10 @@ def stops():
         for log, speed in rides_of:
             stopped = (speed < floor) & (np.r_[np.inf, speed[:-1]] < floor)
             moving = (speed > 1.0) & (np.r_[0.0, speed[:-1]] > 1.0)
-            scores.append(drives.rest_statistics(log).assign(stopped=stopped, moving=moving))
-            for test, options in RESTS.items():
-                static = replay(log, options).columns["moving"] == 0
-                counts = stopped, moving, static & stopped, static & moving
+            statistics, static = drives.rest_statistics(log)
+            scores.append(statistics.assign(stopped=stopped, moving=moving))
+            for test, rests in static.items():
+                counts = stopped, moving, rests & stopped, rests & moving
                 rows[test] = rows.get(test, 0) + np.array([among.sum() for among in counts])
         columns = ["stopped", "moving", "stopped_static", "moving_static"]
         table = pd.DataFrame.from_dict(rows, "index", columns=columns).rename_axis("test")
@@ -443,7 +438,7 @@ def turned(name):
     down = -np.median(log.imu.accel_b, axis=0)
     rows = []
     for angle in np.arange(0.0, 360.0, STEP_DEG):
-        track = replay(turn_imu(log, np.radians(angle), down), Options())
+        track = replay(turn_imu(log, np.radians(angle), down), Options(fusion=False))
         mount, printed = track.columns["mount_deg"], track.straights["printed_deg"]
         known = np.isfinite(mount)
         off = wrap(mount[known] - whole.value - angle)

@@ -316,6 +316,8 @@ def test_findings_are_one_for_each_notebook(elsewhere):
     assert shown[-1] == "**Finding.** New. *Here.*" and elsewhere.read_bytes() == before
     with pytest.raises(WrongUsage, match="the finding of 90-test has 31 words: at most 30"):
         claims.finding("90-test", "word " * 31, when="Here.", figure="10-a")
+    with pytest.raises(WrongUsage, match="the condition of 90-test has 66 words: at most 65"):
+        claims.finding("90-test", "New.", when="word " * 66, figure="10-a")
     assert claims.findings()["sentence"].iloc[-1] == "New."
     assert found.read_bytes().startswith(b"notebook,sentence,condition,figure,so\n10-other,")
 

@@ -208,7 +208,8 @@ def ride():
 
 def test_the_statistic_of_short_means_tells_rest_from_motion(ride):
     """property: on a simulated car T < 1 finds most of the rest; theta_A as printed hardly any."""
-    found, stopped, moving = drives.rest_statistics(ride.log), ~ride.moving, ride.speed_m_s > 1.0
+    (found, _), stopped = drives.rest_statistics(ride.log), ~ride.moving
+    moving = ride.speed_m_s > 1.0
     assert (found["short means"][stopped] < 1).mean() > 0.7
     assert (found["short means"][moving] < 1).mean() < 0.05
     assert (found["as printed"][stopped] < 0.125).mean() < 0.1
@@ -223,7 +224,7 @@ def test_outages_end_where_the_paths_say(ride):
     first = table.iloc[0]
     a, b = np.searchsorted(gnss.t_s, [first["t_s"], first["t_s"] + 10.0])
     moved = north[b] - north[a], east[b] - east[a]
-    assert first["holding"] == pytest.approx(np.hypot(*moved), abs=0.2)
+    assert first["hold the position"] == pytest.approx(np.hypot(*moved), abs=0.2)
     course, ahead = np.radians(gnss.course_deg[a]), 10.0 * gnss.speed_m_s[a]
     off = moved[0] - ahead * np.cos(course), moved[1] - ahead * np.sin(course)
     assert first["constant velocity"] == pytest.approx(np.hypot(*off), abs=0.2)

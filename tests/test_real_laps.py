@@ -178,12 +178,13 @@ def test_the_study_of_real_laps_again(monkeypatch):
     """
     for name, few in (("DRAWS", 2), ("WATCHED", 1), ("ASSUMED", (4.0,)), ("RESAMPLES", 50)):
         monkeypatch.setattr(study, name, few)
-    stability = study._stability  # at 10 Hz here, for bias states take most of the time
+    stability, causes = study._stability, study._causes  # bias states take most of the time
 
-    def rarely(real, setup, *others):
+    def rarely(real, setup, *others):  # at 10 Hz here
         return stability(real, replace(setup, every=10), *others)
 
     monkeypatch.setattr(study, "_stability", rarely)
+    monkeypatch.setattr(study, "_causes", lambda real, *o: causes(dict([*real.items()][::3]), *o))
     (_, now), was = study.runs(), store.read("real-laps").tables
     alone = [of["laps"].query("filter == 'odometry alone'")["rms_m"] for of in (now, was)]
     np.testing.assert_allclose(*(rms.to_numpy() for rms in alone), rtol=store.TOLERANCE)

@@ -47,6 +47,12 @@ def white_noise(curve: AllanCurve, unit: str) -> Estimate:
 
         N = adev(tau) sqrt(tau)
 
+    Parameters
+    ----------
+    curve : AllanCurve
+    unit : str
+        Of its deviations, U.
+
     Returns
     -------
     Estimate, U sqrt(s)
@@ -146,12 +152,7 @@ def _longest_run(curve, good):
 
 
 def loglog_slope(x: np.ndarray, y: np.ndarray, low: float, high: float) -> float:
-    """Slope of log y against log x for low <= x <= high, by least squares.
-
-    Returns
-    -------
-    float
-    """
+    """Slope of log y against log x, both of shape (n,), for low <= x <= high, by least squares."""
     inside = (x >= low) & (x <= high)
     return float(np.polyfit(np.log(x[inside]), np.log(y[inside]), 1)[0])
 

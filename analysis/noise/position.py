@@ -17,7 +17,7 @@ CUT = 6.0  # robust standard deviations beyond which a single position is an out
 NEIGHBOURS = 11  # positions in time that each one is compared with
 VERTICAL = 1.5  # ratio of vertical to horizontal deviation, VDOP to HDOP (assumed)
 # Errors of each horizontal axis at a PDOP of 2.5: (standard deviation m, correlation time s). A
-# receiver's own are those by which receivers differ: ten pairs on one ride of 107 min, correlated
+# receiver's own are those by which receivers differ: ten pairs on one ride of 106 min, correlated
 # over 27 to 74 s, and 3 m in each of the three that agree best (notebook 14). What all receivers
 # share, of orbits, clocks and air, is a textbook's (Beard and McLain, Small Unmanned Aircraft,
 # 2012, Table 7.1, after Rankin, 1994): each second e^(-1/1100) of the last and 0.21 m of new noise;

@@ -23,7 +23,7 @@ from analysis.terrain.terrain_map import AttitudeMap
 from analysis.terrain.ukf import Ukf
 
 STORE_EVERY = 0.5  # s between the stored errors of a comparison
-HALF_WIDTH = 3.0  # m, of the grid of a comparison
+HALF_WIDTH, STEP = 3.0, 0.05  # m: how far the grid reaches to either side of the odometry, spacing
 
 
 class PointMass:
@@ -36,15 +36,12 @@ class PointMass:
         First position.
     variance : float, m^2
         Of the first position, Gaussian.
-    half_width, step : float
-        How far the grid reaches to either side of the odometry, and its spacing, m.
     """
 
-    def __init__(self, attitude_map, x, variance, *, half_width=6.0, step=0.05):
-        self.map, self.step = attitude_map, step
-        self.moved = np.array(x, dtype=float)
-        points = round(half_width / step)
-        self.offset = step * np.arange(-points, points + 1)
+    def __init__(self, attitude_map, x, variance):
+        self.map, self.moved = attitude_map, np.array(x, dtype=float)
+        points = round(HALF_WIDTH / STEP)
+        self.offset = STEP * np.arange(-points, points + 1)
         prior = np.exp(-0.5 * self.offset**2 / variance)
         self.p = np.tile(prior / prior.sum(), (len(self.moved), 1))
 
@@ -55,10 +52,10 @@ class PointMass:
         ----------
         moved : array_like, shape (runs,), m
         q : float, m^2
-            At most step^2 / 2, so that one three-point kernel with exactly this variance does.
+            At most STEP^2 / 2, so that one three-point kernel with exactly this variance does.
         """
         self.moved += moved
-        side = 0.5 * q / self.step**2
+        side = 0.5 * q / STEP**2
         # The probability that would leave at the ends stays there, so that the sum stays 1.
         self.p = convolve1d(self.p, [side, 1 - 2 * side, side], axis=1, mode="nearest")
 
@@ -133,7 +130,7 @@ def compare_filters(
     attitude, rng = attitude_map.at(truth), np.random.default_rng(seed)
     prior, q = setup.begin_sd**2, setup.q * setup.speed / setup.rate_hz
     ukf = Ukf(attitude_map, first[None], np.full((1, 1, runs), prior))
-    grid = PointMass(attitude_map, first, prior, half_width=HALF_WIDTH)
+    grid = PointMass(attitude_map, first, prior)
     stored = []
     for k in range(1, setup.samples):
         z = attitude[:, k, None] + np.sqrt(setup.R) * rng.standard_normal((len(attitude), runs))

@@ -41,7 +41,7 @@ class Options:
     number : type
         Of the states of blocks 2 and 6: float, or np.float32 as a small device would.
     metres_per_pdop : float
-        Error of a position coordinate for a PDOP of one, m.
+        Error of a position coordinate for a PDOP of one, m; block 1 has larger ones of its own.
     sigma_no_pdop : float
         The same where no PDOP is known, m.
     sigma_speed : float
@@ -59,8 +59,8 @@ class Options:
     coast_s : float
         The same without the fusion filter, at constant velocity.
 
-    The others are the thresholds of the blocks, each set in the class of its block, SI too: m, s,
-    m/s, m/s^2, rad (``theta_alpha`` rad^2).
+    The others are those thresholds of blocks that a run may change, each set in the class of its
+    block, SI too: m, s, m/s, m/s^2, rad (``theta_alpha`` rad^2).
     """
 
     last_position = attitude = static = low_pass = mounting = fusion = True

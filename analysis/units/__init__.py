@@ -1,7 +1,7 @@
 """Units side by side: one clock, one frame, their differences and events; without a truth too.
 
 Pure: a unit is a `Timeline` that somebody has read. To read in order: frame, clock, metrics,
-events, variances, comparison.
+events, variances, side_by_side.
 """
 
 from analysis.resampling import ratio_of_spreads, spread

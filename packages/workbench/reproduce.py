@@ -12,7 +12,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from io import BytesIO
-from itertools import groupby
+from itertools import groupby, zip_longest
 from pathlib import Path
 
 import nbformat
@@ -226,9 +226,9 @@ def differences(old, new, numbers):
             found.append(f"claim {claim} ({moved})")
     was, now = (_findings(f / "findings.csv") for f in (old, new))
     for name in was | now:
-        before, after = (table.get(name, ["none"]) for table in (was, now))
-        if before != after:
-            found.append(f"finding of {name} (was: {before[0]}; now: {after[0]})")
+        parts = zip_longest(was.get(name, ()), now.get(name, ()), fillvalue="none")
+        if moved := [f"was: {a}; now: {b}" for a, b in parts if a != b]:
+            found.append(f"finding of {name} ({moved[0]})")  # its sentence, else its condition
     return found
 
 
