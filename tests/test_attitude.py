@@ -281,3 +281,17 @@ def test_a_lasting_acceleration_is_no_tilt():
     block = run(Attitude(), gyro, accel, static=30, vehicle=0.25)
     assert abs(math.degrees(block.angles[0])) < 0.5
     assert block.horizontal[1] == pytest.approx(0.5, abs=0.15)  # noise of one sample
+
+
+@pytest.mark.parametrize("heading", [None, 1.0])
+def test_a_steady_turn_is_no_bias(heading):
+    """known case: a first second that scatters little was rest, unless a course comes with it."""
+    block, turn = Attitude(), (0.0, 0.0, 0.2)
+    for _ in range(RATE + 1):
+        block.imu(turn, (0.0, 0.0, -STANDARD_GRAVITY), 1 / RATE)
+    assert block.ready and block.bias.x == pytest.approx(turn, abs=1e-4)
+    block.epoch(heading=heading)
+    assert block.bias.x == pytest.approx(turn if heading is None else (0.0, 0.0, 0.0), abs=1e-4)
+    assert block.tilt.p**0.5 == pytest.approx(0.005 if heading is None else 0.1, rel=0.1)
+    block.epoch(heading=1.0)
+    assert (block.bias.x[2] > 0.1) == (heading is None)  # only the epoch after that second says so

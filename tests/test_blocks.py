@@ -234,11 +234,16 @@ def test_a_fix_that_contradicts_the_output():
     """known case: 50 m off, and five standard deviations of both, with what lasts of a fix."""
     device, start = Device(Options(), None, False), Mock
     device.ned, device._lasting, device.fusion = (100, 50, 0), 16.0, start(started=1, sigma_p=3)
+    device._sighted = lambda: True
     assert device._ellipse(0.0, moving=True) == (25.0, 0.0, 25.0)
     device.constrained = start(started=True, P=[[4.0, 1.0], [1.0, 9.0]])
     assert device._ellipse(0.0, moving=True) == (20.0, 1.0, 25.0)
     for sigma, far, known in ((1, 49.9, 0), (1, 50.1, 1), (12, 64.9, 0), (12, 65.1, 1)):
         assert device._contradicted((100 - 0.6 * far, 50 + 0.8 * far, 0.0), sigma) == known
+    device.constrained, device._sighted = None, lambda: False  # it goes on at constant velocity
+    device._t_fix, device._unaided, device._pace = 0.0, 0.01, 5.0
+    straight_on, held = 3.0**2 + 0.01 * 10.0**4, 50.0**2
+    assert device._ellipse(20.0, moving=True)[0] == pytest.approx(16.0 + straight_on + held)
 
 
 def stand_ins(options, **blocks):
@@ -256,7 +261,8 @@ def test_what_a_sample_tells_each_block():
     both, gyro, force, last = (True, False), (1.0, 2.0, 3.0), (0.0, 0.0, -9.8), (3.0, 6.0, 9.0)
     cases = product(*[both] * 5, (1.0, 1.1), (1.0, 1.1))
     for quiet, slow, moving, ready, creeps, dt, silent in cases:
-        level, car = {"ready": ready, "last": last, "horizontal": (0.3, 0.4)}, {"may_rest": creeps}
+        level = {"ready": ready, "last": last, "horizontal": (0.3, 0.4)}
+        car = {"may_rest": creeps}
         device = stand_ins(
             Options(), attitude=level, static={"moving": moving, "accelerate.return_value": moving},
             rest={"sample.return_value": quiet, "steady": quiet, "force": "f", "rate": "r"},
@@ -288,6 +294,19 @@ def test_what_a_sample_tells_each_block():
             assert (device.ned is None) == device.last.motion.called == up
 
 
+def test_in_an_outage_the_speed_of_the_car_forbids_rest():
+    """known case: above 2 m/s block 3 is told so, unless a receiver gives a speed."""
+    for slow, speed, told in ((1, math.nan, math.nan), (0, math.nan, 2.0), (0, 0.3, 0.3)):
+        device = stand_ins(
+            Options(), constrained={"started": True, "may_rest": slow, "C_nb": np.eye(3).tolist()},
+            attitude={}, last={"step.return_value": True}, frame={"degrees.return_value": (0, 0)},
+            _rests={"return_value": False}, _by_fixes={}, _orient={}, _fuse={}, _ellipse={},
+        )  # fmt: skip
+        device._t_imu, device.gives_speed, device.ned = 99.5, True, None
+        device.gnss(Epoch(100.0, (45.0, 9.0, 0.0), 2.0, speed, 0.5, 3.0, 8.0))
+        assert device._rests.call_args.args == pytest.approx((told,), nan_ok=True)
+
+
 def test_what_an_epoch_tells_the_low_pass():
     """known case: fixes at rest; it is emptied in motion, and by a silence that nobody watched."""
     both, ned, place = (True, False), (3.0, 4.0, 5.0), (45.0, 9.0, 0.0)
@@ -296,6 +315,7 @@ def test_what_an_epoch_tells_the_low_pass():
             Options(low_pass=on), last={"step.return_value": accepted, "position": "here"},
             low_pass={"gap_s": 60.0, "layer": 2}, frame={"ned.return_value": ned},
             _rests={"return_value": not moving}, _orient={}, _fuse={}, _ellipse={},
+            _sighted={"return_value": on},
         )  # fmt: skip
         device.attitude, device.ned = Mock(angles=(1.0, 2.0, 3.0)) if imu else None, None
         device._t_imu, device._t_epoch, device._t_fix = 99.5, 100.0 - gap, 100.0 - since
@@ -309,7 +329,8 @@ def test_what_an_epoch_tells_the_low_pass():
         assert (fix, dt, device._t_fix, device._left) == (ned if accepted else None, gap, *left)
         assert (row["accepted"], row["moving"], row["layer"]) == (accepted, moving, 2)
         angles = (row["roll"], row["pitch"], row["yaw"])
-        assert angles == pytest.approx((1.0, 2.0, 3.0) if imu else (math.nan,) * 3, nan_ok=True)
+        known = (1.0, 2.0, 3.0 if on else math.nan) if imu else (math.nan,) * 3
+        assert angles == pytest.approx(known, nan_ok=True)
 
 
 def test_what_an_epoch_tells_the_mounting():

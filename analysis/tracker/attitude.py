@@ -67,6 +67,8 @@ class Attitude:
     [0.1, -0.0, 1.0]
     """
 
+    _before = None  # bias and covariance before the first second was taken for one of rest
+
     def __init__(self, number=float):
         self.number = number
         self.tilt, self.yaw = Direction(number), Direction(number)
@@ -148,6 +150,10 @@ class Attitude:
             Square of the horizontal acceleration of the vehicle by GNSS, (m/s^2)^2.
         """
         self._vehicle = vehicle
+        before, self._before = self._before, None
+        if before and heading is not None:  # it moved: in a steady turn a gyro scatters little
+            self.bias.x, self.bias.P = before
+            self.tilt.start(self.tilt.x, 0.1)
         if not self.ready or not self._samples:
             return
         down = self.down
@@ -245,6 +251,8 @@ class Attitude:
         self.tilt.start(down, SIGMA_ACCEL / STANDARD_GRAVITY if still else 0.1)
         self.yaw.start(north(down, 0.0), math.pi)
         if still:
+            x, y, z = self.bias.P
+            self._before = self.bias.x, [x[:], y[:], z[:]]
             self.bias.rest(gyro, 0.0)
             self.tilt.set_rate_error(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
             self.yaw.set_rate_error(SIGMA_BIAS_REST * SIGMA_BIAS_REST)

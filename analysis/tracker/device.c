@@ -549,6 +549,7 @@ static void attitude_align(Attitude *b, const number accel_b[3]) {
   north_of(ahead, down, 0);
   direction_start(&b->yaw, ahead, R(PI));
   if (still) {
+    b->before = b->bias, b->has_before = true;
     bias_rest(&b->bias, gyro, 0, none);
     direction_rate_error(&b->tilt, SQUARE(ATTITUDE_SIGMA_BIAS_REST));
     direction_rate_error(&b->yaw, SQUARE(ATTITUDE_SIGMA_BIAS_REST));
@@ -647,6 +648,13 @@ static void attitude_set_rate_errors(Attitude *b, const number down[3]) {
 static void attitude_epoch(Attitude *b, bool is_static, number heading, number sigma,
                            number vehicle) {
   b->vehicle = vehicle;
+  if (b->has_before && known(heading)) {
+    number down[3];
+    copy(down, b->tilt.x);
+    b->bias = b->before;
+    direction_start(&b->tilt, down, R(0.1));
+  }
+  b->has_before = false;
   if (!b->ready || !b->samples) return;
   number down[3], target[3], before[3], spin = NONE;
   copy(down, b->tilt.x);
@@ -1022,6 +1030,10 @@ static void car_reach(Constrained *b, number later) {
   b->later = later;
 }
 
+static bool car_may_rest(const Constrained *b) {
+  return SQUARE(b->velocity[0]) + SQUARE(b->velocity[1]) < SQUARE(CONSTRAINED_CREEP);
+}
+
 static void car_sample(Constrained *b, const number gyro[3], const number accel[3], number dt,
                        bool is_static) {
   number half = R(0.5) * dt, a[3], f[3];
@@ -1166,8 +1178,7 @@ void device_imu(Device *d, wide t_s, const number gyro_b[3], const number accel_
   if (d->fuses && d->fusion.started) device_predict(d, t_s);
   if (car && car->started) {
     bool lost = t_s - d->t_fix > (wide)DEVICE_GAP_S, steady = d->rest.steady;
-    bool creeps = SQUARE(car->velocity[0]) + SQUARE(car->velocity[1]) < SQUARE(CONSTRAINED_CREEP);
-    car_sample(car, mean, accel_b, dt, (lost && steady && creeps) || !d->still.moving);
+    car_sample(car, mean, accel_b, dt, (lost && steady && car_may_rest(car)) || !d->still.moving);
   }
 }
 
@@ -1250,17 +1261,14 @@ static void device_orient(Device *d, bool moving, bool rests, number course, num
 }
 
 static void device_ellipse(Device *d, wide t_s, bool moving, number out[3]) {
-  number T = moving ? R(t_s - d->t_fix) : 0, square;
+  bool filters = d->fuses && d->fusion.started;
   out[0] = out[1] = out[2] = NONE;
-  if (!d->fuses || !d->fusion.started) {
-    if (!d->has_left || !d->has_ned) return;
-    number straight = least(T, DEVICE_COASTS);
-    number a = OPTIONS_SIGMA_SPEED * straight, b = d->pace * (T - straight);
-    square = a * a + b * b + d->unaided * SQUARE(straight * straight);
-    out[0] = out[2] = square + d->lasting, out[1] = 0;
-    return;
-  }
-  square = SQUARE(fusion_sigma_p(&d->fusion));
+  if (!filters && (!d->has_left || !d->has_ned)) return;
+  number T = moving && !(filters && device_sighted(d)) ? R(t_s - d->t_fix) : 0;
+  number straight = least(T, DEVICE_COASTS);
+  number a = OPTIONS_SIGMA_SPEED * straight, b = d->pace * (T - straight);
+  number square = a * a + b * b + d->unaided * SQUARE(straight * straight);
+  if (filters) square = most(square, SQUARE(fusion_sigma_p(&d->fusion)));
   const Constrained *car = car_of(d);
   out[0] = (car ? car->P[0][0] : square) + d->lasting;
   out[1] = car ? car->P[0][1] : 0;
@@ -1380,7 +1388,10 @@ Row device_gnss(Device *d, const Epoch *given) {
   bool no_imu = device_without_imu(d, e->t_s);
   if (no_imu) static_no_imu(&d->still);
   number by_fixes = device_by_fixes(d, e->t_s, fix, speed, course);
-  bool rests = device_rests(d, d->gives_speed ? speed : by_fixes);
+  number told = d->gives_speed ? speed : by_fixes;
+  const Constrained *car = car_of(d);
+  if (!known(told) && car && !car_may_rest(car)) told = CONSTRAINED_CREEP;
+  bool rests = device_rests(d, told);
   bool moving = !(rests && OPTIONS_STATIC);
   device_orient(d, moving, rests, course, speed, R(apart));
   wide silent = d->has_attitude ? apart : e->t_s - d->t_fix;
@@ -1394,7 +1405,7 @@ Row device_gnss(Device *d, const Epoch *given) {
   device_fuse(d, e, fix, moving, layer);
   Row row = {accepted, moving, layer, NAN, NAN, NONE, NONE, NONE, d->mounting.mount,
              {NONE, NONE, NONE}};
-  const Constrained *car = car_of(d);
+  car = car_of(d);
   if (d->has_attitude && !no_imu) {
     if (car) {
       number C[3][3];
@@ -1403,6 +1414,7 @@ Row device_gnss(Device *d, const Epoch *given) {
     } else {
       attitude_angles(&d->attitude, &row);
     }
+    if (!device_sighted(d)) row.yaw = NONE;
   }
   if (d->has_ned) { // Frame.degrees
     row.lat_deg = d->frame.origin.lat_deg + (wide)(d->ned[0] / d->frame.north);

@@ -12,7 +12,7 @@ from collections import namedtuple
 
 from analysis.tracker.at_rest import LowPass, RestDetector, StaticTest
 from analysis.tracker.attitude import GAP_S, Attitude, Upright, angles
-from analysis.tracker.constrained import Constrained
+from analysis.tracker.constrained import CREEP, Constrained
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import FAR, GATE_ALONE, SIGMA_DOUBTED, Frame, LastPosition
 from analysis.tracker.mounting import MountingYaw
@@ -239,7 +239,10 @@ class Device:
         if no_imu:
             self.static.no_imu()
         by_fixes = self._by_fixes(epoch.t_s, fix, speed, course)
-        rests = self._rests(speed if self.gives_speed else by_fixes)
+        told, car = speed if self.gives_speed else by_fixes, self.constrained
+        if told != told and car and car.started and not car.may_rest:
+            told = CREEP  # or more: to the IMU alone steady motion in an outage looks like rest
+        rests = self._rests(told)
         moving = not (rests and self.options.static)
         self._orient(epoch.t_s, moving, rests, course, speed, dt)
         silent = dt if self.attitude else epoch.t_s - self._t_fix
@@ -254,11 +257,12 @@ class Device:
         self._fuse(epoch, fix, moving, layer)
         roll, pitch, yaw = (math.nan,) * 3
         if self.attitude and not no_imu:
-            car = self.constrained
             if car and car.started:
                 roll, pitch, yaw = angles(car.C_nb)
             else:
                 roll, pitch, yaw = self.attitude.angles
+            if not self._sighted():  # a course without the mounting angle is that of the vehicle
+                yaw = math.nan
         lat, lon = self.frame.degrees(self.ned) if self.ned else (math.nan, math.nan)
         return {
             "accepted": accepted,
@@ -423,18 +427,19 @@ class Device:
         """Covariance of the position: north north, north east, east east, m^2; NaN without one.
 
         The filters take the errors of fixes as white. Those of real ones last for minutes: what the
-        last one may be off is added. Without a filter, what the vehicle may have done since.
+        last one may be off is added. Without a filter, or a mounting angle for it, what the vehicle
+        may have done since.
         """
         car, block = self.constrained, self.fusion
-        if block is None or not block.started:
-            if self._left is None or self.ned is None:
-                return (math.nan,) * 3
-            T = t_s - self._t_fix if moving else 0.0
-            straight = min(T, self.coast_s)
-            a, b = self.options.sigma_speed * straight, self._pace * (T - straight)
-            square = a * a + b * b + self._unaided * straight**4
-            return square + self._lasting, 0.0, square + self._lasting
-        square = block.sigma_p * block.sigma_p
+        filters = block and block.started
+        if not (filters or (self._left and self.ned)):
+            return (math.nan,) * 3
+        T = t_s - self._t_fix if moving and not (filters and self._sighted()) else 0.0
+        straight = min(T, self.coast_s)
+        a, b = self.options.sigma_speed * straight, self._pace * (T - straight)
+        square = a * a + b * b + self._unaided * straight**4
+        if filters:
+            square = max(square, block.sigma_p * block.sigma_p)
         P = car.P if car and car.started else ((square, 0.0), (0.0, square))
         return P[0][0] + self._lasting, P[0][1], P[1][1] + self._lasting
 
