@@ -173,7 +173,8 @@ def test_what_a_circle_and_a_straight_road_tell_of_a_clock():
 
     The drift is known by one independent error in 10 s at most: 60, a Student's t of 12 degrees.
     Of noise of 1 m that is 1.6e-4; one that is beyond 3e-4 by this is a counter's, and not drawn to
-    a clock's 1e-4: by 1 / (1 + 0.75^2), for its standard error is 7.5e-5.
+    a clock's 1e-4: by 1 / (1 + 0.75^2), for its standard error is 7.5e-5. Of noise of 8 m that is
+    6e-4, and 3e-3 would be drawn to less than 1e-4.
     """
     t, noise = np.arange(600.0), 0.05 * np.random.default_rng(2).standard_normal((600, 2))
     drift = student.ppf(0.975, 12) * 0.05 / np.sqrt(60) / 10 / (600 / np.sqrt(12))
@@ -182,8 +183,8 @@ def test_what_a_circle_and_a_straight_road_tell_of_a_clock():
         fit = _refined(track(t, path), track(t, path + noise, name="b"), 0.0)
         halves = [(e.high - e.low) / 2 for e in (fit.offset, fit.drift)]
         assert halves == [pytest.approx(0.196 * metres, rel=0.03), pytest.approx(drift, rel=0.15)]
-    for drift, share in ((4.4e-4, 0.64), (4.8e-4, 1.0)):
-        late = track(t - drift * (t - 300), circle + 20 * noise, name="b")
+    for drift, share, metres in ((4.4e-4, 0.64, 1), (4.8e-4, 1.0, 1), (3e-3, 1.0, 8)):
+        late = track(t - drift * (t - 300), circle + 20 * metres * noise, name="b")
         fit = _refined(track(t, circle), late, 0.0)
         assert fit.drift.value == pytest.approx(share * drift, rel=0.1)
 

@@ -231,15 +231,13 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
         heading = v / np.maximum(speed, 1e-9)[:, None] * (speed > 1.0)[:, None]
         axes, middle = lever_and_shift(heading), float(t.mean())
         x = np.stack([v, v * (t - middle)[:, None], *np.moveaxis(axes, -1, 0)], axis=-1)
-        prior = np.array([np.inf, DRIFT, LEVER_M, LEVER_M, DATUM_M, DATUM_M])
+        prior = np.array([np.inf, COUNTER, LEVER_M, LEVER_M, DATUM_M, DATUM_M])
         most = float(np.ptp(t)) / LASTING_S
         # b late by delta shows b where a was: p_b = p_a - v delta at the same stamp.
         beta, half, residual = least_squares(x, d, prior, most)
-        if abs(beta[1]) > DRIFT:  # is it a counter?
-            prior[1] = COUNTER
-            free = least_squares(x, d, prior, most)
-            if abs(free[0][1]) - free[1][1] > 3 * DRIFT:
-                beta, half, residual = free
+        if abs(beta[1]) - half[1] <= 3 * DRIFT:  # no counter, which this prior would hide
+            prior[1] = DRIFT
+            beta, half, residual = least_squares(x, d, prior, most)
         lag += float(beta[0])
         if abs(beta[0]) < ENOUGH_S:
             break
