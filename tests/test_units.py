@@ -345,6 +345,10 @@ def test_metrics_hold_the_truth():
         assert all(found[k].unit == k.split("_")[-1] for k in found)
     share = dict(zip(truth, np.mean(held, axis=0), strict=True))
     assert all(0.90 <= of <= 0.99 for of in share.values()), share
+    back = trajectory_metrics(replace(d, attitude=wrap(angles + 184)))  # a sensor set in backwards
+    assert abs(wrap(back["yaw_mean_deg"].value - found["yaw_mean_deg"].value - 184)) < 1e-9
+    for k in ("yaw_sd_deg", "yaw_p50_deg", "yaw_p95_deg"):
+        np.testing.assert_allclose(triple(back[k]), triple(found[k]))
     assert not trajectory_metrics(replace(d, t_s=t[:9], enu=enu[:9], attitude=angles[:9]))
     assert normal_factor(2.0) == student.ppf(0.975, 1.0)  # of so few, at least one degree
     few = root_mean_square(np.linspace(1.0, 2.0, 300), "m")  # what wanders slowly has few
@@ -584,7 +588,8 @@ def test_each_component_of_each_unit_has_its_own_noise():
     for other in others:
         along, cross, up, *angles = other - first
         enu = np.column_stack([zero, zero, up])
-        between.append(Differences(t, enu, along, cross, zero, zero, t, np.transpose(angles), zero))
+        angles = wrap(np.transpose(angles) + 180)  # however they are set in
+        between.append(Differences(t, enu, along, cross, zero, zero, t, angles, zero))
     found, notes = noise_of_each(between)
     assert list(found) == ["along", "cross", "height", "roll", "pitch", "yaw"] and not notes
     for component, expected in zip(found.values(), sizes.T, strict=True):

@@ -131,6 +131,12 @@ def interpolated_angles(t: np.ndarray, track: Track) -> np.ndarray:
     return np.hstack([interpolated(t, track.attitude_t_s, angles[:, [k]]) for k in range(3)])
 
 
+def about_their_mean(angles: np.ndarray) -> np.ndarray:
+    """Give angles (n,) in degrees within half a turn of their mean direction; NaN where unknown."""
+    mean = np.degrees(np.angle(np.nanmean(np.exp(1j * np.radians(angles)))))
+    return mean + wrap(angles - mean)
+
+
 def trajectory_metrics(d: Differences) -> dict[str, Estimate]:
     """Measure position, height and attitude differences as the field reports them.
 
@@ -165,6 +171,7 @@ def trajectory_metrics(d: Differences) -> dict[str, Estimate]:
             out |= _about(d.enu[:, 2], "height", "m")
     for name, x in zip(ANGLES, d.attitude.T, strict=True):
         if np.isfinite(x).sum() >= FEWEST_EPOCHS:
+            x = about_their_mean(x)
             out[f"{name}_rms_deg"] = root_mean_square(x, "deg")
             out |= _about(x, name, "deg")
             off = np.abs(x - np.nanmean(x))

@@ -20,6 +20,7 @@ from analysis.units.frame import Track, interpolated, local_tracks, rate, unwrap
 from analysis.units.metrics import (
     ANGLES,
     Differences,
+    about_their_mean,
     differences,
     interpolated_angles,
     span,
@@ -231,7 +232,7 @@ def _component(between, k):
         x = (d.along_m, d.cross_m, d.enu[:, 2])[k] if k < 3 else d.attitude[:, k - 3]
         if np.isfinite(x).sum() < 2:
             return None
-        series.append((t, x))
+        series.append((t, x if k < 3 else about_their_mean(x)))
     base = min((t for t, _ in series), key=len)
     others = [interpolated(base, t, x[:, None])[:, 0] for t, x in series]
     return np.vstack([np.zeros(len(base)), *others])
@@ -395,11 +396,9 @@ def apart(a: Track, b: Track, d: Differences) -> list[Apart]:
     for what, x in zip(ANGLES, d.attitude.T, strict=True):
         good = np.isfinite(x)
         if good.sum() >= FEWEST:
-            mean = np.degrees(np.angle(np.mean(np.exp(1j * np.radians(x[good])))))
-            about = wrap(x[good] - mean)
-            middle, scatter = _middle(about)
-            t = d.attitude_t_s[good]
-            found.append(Apart(a.name, b.name, what, t, np.abs(wrap(about - middle)), scatter))
+            x, t = about_their_mean(x[good]), d.attitude_t_s[good]
+            middle, scatter = _middle(x)
+            found.append(Apart(a.name, b.name, what, t, np.abs(wrap(x - middle)), scatter))
     return found
 
 
