@@ -516,9 +516,14 @@ def test_holds_are_seen_by_what_moves_meanwhile():
         turning = np.stack([0 * T, 0 * T, wrap(179 + travel * ramp + 9 * (T > 8))], axis=1)
         angles[(T > 5) & (T < 7.1)] = angles[25]
         found = [("attitude hold", 5.0, 7.0, travel)] * seen
-        one = track(T, T[:, None] * ROAD, angles=angles)
-        assert happened(one, track(T, T[:, None] * ROAD, angles=turning, name="b")) == found
-        assert happened(one) == []
+        lost = np.where((T > 5) & (T < 7.1), NAN, 1.0)[:, None] * [1, 1, 1]
+        for own, theirs, expected in (
+            (angles, turning, found), (angles * [NAN, NAN, 1], turning * [1, NAN, 1], found),
+            (angles * lost, turning, []), (angles * np.where([0, 0, 1], lost, 1), turning, []),
+            (angles * NAN, turning, []), (angles, 90 * lost, []), (angles, angles * NAN, []),
+        ):  # fmt: skip
+            one, other = (track(T, T[:, None] * ROAD, angles=x) for x in (own, theirs))
+            assert happened(one, other) == expected and happened(one) == []
     t = np.arange(106.0)
     for last, kind in ((94.0, "hold"), (95.0, "frozen"), (1.0, None)):
         stays = track(t, np.maximum(t, last)[:, None] * [1.0, 0.0])

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.units.frame import Track, interpolated, repeats
+from analysis.units.frame import Track, interpolated, repeats, unwrapped
 
 ACCELERATION = 15.0  # m/s^2: more than a car or a light aircraft does
 JUMP_SIGMAS, JUMP_M = 8.0, 1.0  # smallest jump: robust standard deviations, and metres
@@ -99,13 +99,14 @@ def _holds(track, others) -> Iterator[Event]:
             span = track.attitude_t_s[[i, j]]
             inside = (other.attitude_t_s >= span[0]) & (other.attitude_t_s <= span[1])
             if inside.sum() > 1:
-                part = np.unwrap(np.nan_to_num(other.attitude[inside]), axis=0, period=360)
-                yield float(np.ptp(part, axis=0).max())
+                part = unwrapped(other.attitude[inside])  # fmax and fmin pass over what is missing
+                yield float(np.fmax.reduce(np.fmax.reduce(part) - np.fmin.reduce(part)))
 
     says = "the position stays the same for {:.1f} s and {:.0f} m of travel"
     yield from _held(track.name, "hold", t, xy, travelled, HELD_M, says)
     says = "the attitude stays the same for {:.1f} s while another unit turns by {:.0f} deg"
-    angles = np.nan_to_num(track.attitude)
+    known = np.isfinite(track.attitude)  # what is missing now and then repeats nothing
+    angles = np.where(known.any(axis=0) | ~known.any(), track.attitude, 0.0)
     yield from _held(
         track.name, "attitude hold", track.attitude_t_s, angles, turned, TURNED_DEG, says
     )
