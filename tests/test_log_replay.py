@@ -401,7 +401,7 @@ def test_each_start_has_its_summary(capsys, monkeypatch):
     bars = []
     monkeypatch.setattr(log_replay, "tqdm", lambda of, disable, **_: bars.append(disable) or of)
     gnss = ride(0.0, 400.0)
-    whole = replay(Timeline(gnss, None, restarts_s=(3700.0,)))
+    whole = replay(Timeline(gnss, None, restarts_s=(2000.0, 3700.0)))  # the first without an epoch
     one, two = whole.summary["starts"]
     assert (one["from_s"], one["to_s"], two["from_s"], two["to_s"]) == (0.0, 99.0, 3700.0, 3799.0)
     assert [s["fixes"]["first_accepted_s"] for s in (one, two)] == [5.0, 30.0]

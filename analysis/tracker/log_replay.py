@@ -199,7 +199,7 @@ def stepped(timeline, options, stored=None, smooth=False, lever=NO_LEVER, *, pro
     for epoch in tqdm(epochs, desc="replay", unit="epoch", disable=None if progress else True):
         if epoch.t_s >= starts[0]:
             device = switched_on(device.last.snapshot)
-            del starts[0]
+            starts = [later for later in starts if later > epoch.t_s]
         given = []
         while sample is not None and sample[0] <= epoch.t_s:
             given.append(sample)
