@@ -76,7 +76,7 @@ class Doubted(Levered):
 
 def angle_sigmas(C_nb, P):
     """Return the standard deviations of roll, pitch and yaw (rad) from attitude and covariance."""
-    x, y = C_nb[0][0], C_nb[1][0]  # where the sensor's X axis points
-    c, s = x / math.hypot(x, y), y / math.hypot(x, y)
-    level = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    return np.sqrt(np.diag(level @ P[TILT:GYRO, TILT:GYRO] @ level.T))
+    x, y, z = (row[0] for row in C_nb)  # where the sensor's X axis points
+    roll, pitch = np.array([[x, y, 0.0], [-y, x, 0.0]]) / [[x * x + y * y], [math.hypot(x, y)]]
+    J = np.array([roll, pitch, [0.0, 0.0, 1.0] - z * roll])  # what turns about north, east, down do
+    return np.sqrt(np.diag(J @ P[TILT:GYRO, TILT:GYRO] @ J.T))
