@@ -18,7 +18,7 @@ DT, MINUTES = 0.02, 6
 G = np.array([0.0, 0.0, STANDARD_GRAVITY])
 
 
-def moved(kind, rng, even=True, noise=1.0):
+def moved(kind, rng, even=True, noise=1.0, hertz=1):
     """Move along a winding path of its own, and give what receiver and IMU make of it."""
     n = round(MINUTES * 60 / DT)
     t, w = DT * np.arange(n), 2 * np.pi
@@ -44,7 +44,8 @@ def moved(kind, rng, even=True, noise=1.0):
     rate = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / DT
     rate = mounted.apply(np.vstack([rate, rate[-1:]])) + rng.normal(0, 0.01, (n, 3)) + 0.01
     accel = mounted.apply(attitude.inv().apply(force)) + rng.normal(0, 0.3, (n, 3))
-    each = np.cumsum(np.full(n // 50, 50) if even else rng.integers(30, 70, n // 50)) - 30
+    between = np.full(n * hertz // 50, 50 // hertz) if even else rng.integers(30, 70, n // 50)
+    each = np.cumsum(between) - 30 // hertz
     many, blank = len(t[each]), np.full(len(t[each]), np.nan)
     speed = v[each] + noise * rng.normal(0, 0.1, many)
     heading = np.degrees(course[each]) + noise * rng.normal(0, 0.5, many)
@@ -52,16 +53,18 @@ def moved(kind, rng, even=True, noise=1.0):
     return gnss, Imu(t, rate, accel)
 
 
+@pytest.mark.parametrize("hertz", [1, 10])
 @pytest.mark.parametrize(("kind", "answers"), [
     ("car", {"car"}), ("motorbike", {"leans"}), ("multicopter", {"leans", "unlike"}),
     ("boat", {"tilts", "open"}), ("runner", {"tilts", "open", "unlike"}),
 ])  # fmt: skip
-def test_kinds(kind, answers):
+def test_kinds(kind, answers, hertz):
     """statistical: 20 simulated rides, the sensor mounted anyhow, are told for what they are.
 
-    An aircraft leans as a motorbike does.
+    An aircraft leans as a motorbike does. A quick receiver is as noisy at each fix as a slow one.
     """
-    assert {vehicle(*moved(kind, np.random.default_rng([7, k]))).kind for k in range(20)} <= answers
+    rides = (moved(kind, np.random.default_rng([7, k]), hertz=hertz) for k in range(20))
+    assert {vehicle(*ride).kind for ride in rides} <= answers
 
 
 def test_share_sideways_of_a_car_is_one():

@@ -22,7 +22,7 @@ LAG_LEFT = 0.75  # of the variance that the fit may leave: else nothing much has
 LAG_WIDEST = 1.0  # s, interval of a lag that is worth a number
 FAST = 3.0  # m/s: a course is good to some degrees
 OVER_S = 4.0  # s: fixes of some metres give a course while a vehicle drives
-LONGEST, SLOWEST = 1.5, 2.0  # s between fixes, m/s: steps that tell how a vehicle moves
+STEP_S, LONGEST, SLOWEST = 1.0, 1.5, 2.0  # s (about, at most), m/s: steps that tell how it moves
 HALF = 0.5  # between a vehicle on wheels (1) and one that leans into its turns (0)
 TILTS = 2.0  # deg/s, median: four times what roads do to a car (data/derived/tracker-vehicles)
 
@@ -80,14 +80,15 @@ def steps(gnss: Gnss, imu: Imu) -> Steps:
     Parameters
     ----------
     gnss : Gnss
-        About one fix a second.
+        Of more than one fix a second about one counts: noise would drown the changes.
     imu : Imu
 
     Returns
     -------
     Steps
     """
-    t, v = gnss.t_s, gnss.speed_m_s
+    every = max(1, round(STEP_S / max(float(np.median(np.diff(gnss.t_s))), 1e-3)))
+    t, v, course = (x[::every] for x in (gnss.t_s, gnss.speed_m_s, gnss.course_deg))
     inside = (imu.t_s >= t[0]) & (imu.t_s < t[-1])
     at, many = np.searchsorted(t, imu.t_s[inside], side="right") - 1, len(t) - 1
     count = np.bincount(at, minlength=many)[:many]
@@ -97,7 +98,7 @@ def steps(gnss: Gnss, imu: Imu) -> Steps:
         for readings in (imu.accel_b, imu.gyro_b)
     )
     dt, mean_v = np.diff(t), (v[1:] + v[:-1]) / 2
-    turned = np.radians(wrap(np.diff(gnss.course_deg)))
+    turned = np.radians(wrap(np.diff(course)))
     use = (dt > 0) & (dt < LONGEST) & (mean_v > SLOWEST) & np.isfinite(turned) & (count > 0)
     dt = dt[use]
     columns = mean_v[use], np.diff(v)[use] / dt, turned[use] / dt, force.T[use], rate.T[use]
