@@ -76,7 +76,8 @@ def spread(
     -------
     dict of str, Estimate
         ``mean``, ``sd`` in the unit; ``excess_kurtosis``, 0 for a Gaussian. No interval where the
-        series holds fewer than 10 blocks.
+        series holds fewer than 10 blocks. Of simulated Gauss-Markov series of 10 blocks they hold
+        the mean in 84 to 90 % and ``sd`` in 76 to 86 %; of 40 blocks in 92 and 87 %.
     """
     values = _statistics(_moments(x, len(x))[:, 0])
     few, note = len(x) < FEWEST_BLOCKS * block, ""
