@@ -180,8 +180,12 @@ def midnight(*dates):
 BLANK = [sentence("GPGGA,,,,,,0,,,,M,,M,,"), sentence("GPRMC,,V,,,,,,,,,,N")]
 NOWHERE = {12: ("5050.", "9150."), 18: ("00420.82", "40020.82"), 25: (",100.0,", ",1e308,")}
 NOWHERE |= {k + 1: NOWHERE[k] for k in (12, 18)}  # RMC and GGA of the fifth and seventh epoch
+ROLLED = {"date": "060419"}, {"date": "220899"}  # 1024 weeks later, or earlier
 FAULTS = {  # what was done to so many epochs -> their lines, which lack fix and height, the notes
     "nothing": (20, lambda: epochs(20), [], [], []),
+    "a date rolled over": (
+        12, lambda: epochs(6, **ROLLED[0]) + epochs(*range(6, 12), **ROLLED[1]), [], [],
+        ["only the time of day is used"]),
     "written twice": (7, lambda: [*epochs(5), *epochs(5)[-3:], *epochs(5, 6)], [], [], []),
     "digits": (20, lambda: [("7" if k % 27 < 3 else "") + x for k, x in enumerate(epochs(20))],
                [], [], []),
@@ -215,7 +219,9 @@ FAULTS = {  # what was done to so many epochs -> their lines, which lack fix and
         12, lambda date=date: epochs(5, date=date, fix=False) + epochs(*range(5, 12)), range(5), [],
         ["bogus or rolled over"]) for date in ("060180", "050104", "311299")},
 }  # fmt: skip
-STARTS = dict.fromkeys(("only GGA", "only GLL", "a short GGA"))  # where no date is said
+STARTS = dict.fromkeys(
+    ("only GGA", "only GLL", "a short GGA", "a date rolled over")
+)  # where no date is said
 # Of the old date's epochs, seven of twelve say the 12th.
 STARTS["a new date"], STARTS["the old date"] = (f"2024-06-1{k}T23:59:55.000+00:00" for k in (2, 1))
 
@@ -238,6 +244,15 @@ def test_every_epoch_is_read_where_and_when_it_was(tmp_path, case):
     np.testing.assert_array_equal(gnss.height_m, np.where(without, np.nan, 100.0))
     assert np.nanmax(gnss.lon_deg) < 5 and log.start_utc == STARTS.get(case, START)
     assert len(log.notes) == len(notes) and all(map(re.search, notes, log.notes))
+
+
+@pytest.mark.parametrize(("order", "cut"), [
+    ("012", 0), ("201", 0), ("210", 0), ("02", 0), ("20", 0), ("012", 2), ("021", 1)])  # fmt: skip
+def test_a_sentence_without_a_time_belongs_to_its_epoch(tmp_path, order, cut):
+    """analytic: before or after those with a time, as the file begins, unless it is cut there."""
+    lines = [epoch(k, pdop=1.0 + k)[int(j)] for k in range(9) for j in order]
+    pdop = drive(tmp_path, lines[cut:]).gnss.pdop
+    np.testing.assert_array_equal(pdop[-8:], np.arange(2.0, 10.0))
 
 
 def test_a_clock_that_jumps_is_split_into_starts(tmp_path):

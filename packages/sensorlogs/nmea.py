@@ -83,7 +83,8 @@ def epochs(messages: list[Sentence]) -> pd.DataFrame:
     """Combine the sentences of each epoch.
 
     Sentences with one time of day are one epoch; those without belong to the one before, unless it
-    has such a sentence already. Of several talkers the combined solution (GN) counts.
+    has such a sentence already, or to the one after, if the file begins so. Of several talkers the
+    combined solution (GN) counts.
 
     Parameters
     ----------
@@ -98,19 +99,23 @@ def epochs(messages: list[Sentence]) -> pd.DataFrame:
     """
     order = list(_FIELDS)
     rows: list[dict] = []
-    epoch, last, kinds = 0, None, set[str]()
-    for offset, message in messages:
-        kind, at = message.msgID, getattr(message, "time", None)
-        time = at.hour * 3600 + at.minute * 60 + at.second + at.microsecond / 1e6 if at else None
-        timed = kind in ("GGA", "RMC", "GNS", "GLL")
-        fresh = timed and time is not None and time != last
-        if timed and time is None:  # a receiver that does not know the time yet
-            fresh = last is not None or kind in kinds
+    epoch, last, kinds = 0, -1.0, set[str]()
+    at = [getattr(message, "time", None) for _, message in messages]
+    t = [a.hour * 3600 + a.minute * 60 + a.second + a.microsecond / 1e6 if a else None for a in at]
+    clock = pd.Series(t, dtype=float)
+    clock[[a == "" for a in at]] = -1.0  # not known yet
+    first = np.array([m.msgID == messages[0][1].msgID for _, m in messages], dtype=bool)
+    ahead = clock.bfill()[first]  # the file's first kind opens epochs if no time goes on over it
+    opens = ahead.notna() & (ahead != clock.ffill()[first])
+    clock[first] = ahead if opens.all() else clock[first]
+    for (offset, message), time in zip(messages, clock, strict=True):
+        kind = message.msgID
+        fresh = time == time and (time != last or (time < 0 and kind in kinds))
         if not rows or fresh:
-            epoch, last, kinds = epoch + 1, time, set()
+            epoch, last, kinds = epoch + 1, time if fresh else last, set()
         kinds.add(kind)
         rank = order.index(kind) + 0.5 * (message.talker != "GN")
-        row = {"epoch": epoch, "rank": rank, "offset": offset, "time": time}
+        row = {"epoch": epoch, "rank": rank, "offset": offset, "time": time if time >= 0 else None}
         row |= {ours: getattr(message, theirs, "") for ours, theirs in _FIELDS[kind].items()}
         rows.append(row)
     values = dict.fromkeys(name for fields in _FIELDS.values() for name in fields)
@@ -159,12 +164,10 @@ def read_table(path: Path) -> Table:
             f"have no checksum, {wrong - bare:,} a wrong one; log GGA or RMC as they are sent"
         )
     found = epochs(messages)
-    notes = []
-    if wrong:
-        of = f"{wrong:,} of {wrong + len(messages):,} sentences"
-        notes.append(f"{path.name}: {of} cut off or with a wrong checksum, left out")
-    if joined:
-        notes.append(f"{path.name}: {counted(joined, 'sentence')} broken over two lines, joined")
+    of = f"{path.name}: {wrong:,} of {wrong + len(messages):,} sentences"
+    notes = [f"{of} cut off or with a wrong checksum, left out"] * bool(wrong)
+    both = f"{path.name}: {counted(joined, 'sentence')} broken over two lines, joined"
+    notes += [both] * bool(joined)
     newlines = np.flatnonzero(np.frombuffer(raw, dtype=np.uint8) == ord("\n"))
     lines = np.searchsorted(newlines, found["offset"]) + 1
     place = Table(found, path, lines=lines).place
@@ -290,8 +293,8 @@ def _start(found: pd.DataFrame, t: np.ndarray, notes: list[str]) -> str | None:
     starts += pd.to_timedelta(dated["time"] - dated["since_s"], unit="s")
     if starts.max() - starts.min() > pd.Timedelta(days=0.9):
         dates = sorted(dated["date"])
-        notes.append(
-            f"dates from {dates[0]} to {dates[-1]} do not follow each other: bogus or rolled over; "
-            "only the time of day is used"
-        )
+        said = f"dates from {dates[0]} to {dates[-1]} do not follow each other"
+        notes.append(f"{said}: bogus or rolled over; only the time of day is used")
+        if dates != [*dated["date"]]:  # a later one is wrong, or an earlier one
+            return None
     return starts.iloc[-1].round("ms").isoformat(timespec="milliseconds")

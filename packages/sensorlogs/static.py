@@ -335,7 +335,7 @@ def _choices(table, time, option):
         raise WrongUsage(f"{file}, line 1: no column with numbers besides the time")
     lost = {"lat_deg", "lon_deg"} <= set(frame) and "north_m" not in frame and not wanted
     if lost and not any(columns.recognise(name).kind for name in numeric):
-        raise CannotAnswer(f"{file}: no fix: none of the {len(frame):,} epochs has a position")
+        raise CannotAnswer(f"{file}: no fix: none of {len(frame):,} epochs has a measured position")
     notes = [f"column '{warm}' kept as the temperature, in deg C"] if warm else []
     numeric = [name for name in numeric if name != warm or name in wanted]
     chosen, more = columns.choose(columns.sample(frame, numeric), file, wanted, **given)

@@ -73,7 +73,7 @@ def replay(log, out, *, outages=(), memory=None, smooth=False, lever=NO_LEVER, *
     if not (log.imu or stored or log.gnss is None or log.gnss.has_fix.any()):
         raise CannotAnswer(
             f"{', '.join(log.sources)}: no fix: none of the {len(log.gnss.t_s):,} epochs has a "
-            "position, so there is nothing to replay"
+            "measured position (quality 6 is an estimate), so there is nothing to replay"
         )
     if options.get("filter") == "car":
         for block in ("attitude", "fusion"):
