@@ -610,8 +610,10 @@ def test_moving_logs_of_several_tables(tmp_path):
     location = {"time": (UNIX + seconds) * 1e9, "latitude": 45 + 1e-5 * seconds, "longitude": 7.0}
     location = pd.DataFrame(location).assign(speed=1.1)
     location.to_csv(tmp_path / "phone" / "Location.csv", index=False)
+    angles = axes(ACCEL)[["time"]].assign(roll=0.1, pitch=-0.2, yaw=3.0)  # rad, by UNITS.md
+    angles.to_csv(tmp_path / "phone" / "Orientation.csv", index=False)
     ride = read_moving([tmp_path / "phone"])
-    assert len(ride.gnss.t_s) == 5
+    assert len(ride.gnss.t_s) == 5 and ride.attitude.roll_deg[0] == pytest.approx(np.degrees(0.1))
     # Its z is up, so the phone is turned to z down.
     np.testing.assert_allclose(ride.imu.accel_b, ACCEL[:, [1, 0, 2]] * [1, 1, -1], atol=1e-9)
     write_dataflash(tmp_path / "two.bin", imus=2)
@@ -773,27 +775,29 @@ def test_other_layouts(layout, tmp_path):
     assert any("read as seconds since 1970" in r for r in log.repairs) == ("dates" in layout)
 
 
-@pytest.mark.parametrize("layout", ["android", "ios", "json", "one file"])
+@pytest.mark.parametrize("layout", ["android", "ios", "json", "json of ios", "one file"])
 def test_layouts_of_sensor_logger(layout, tmp_path):
     """Published: the maker's UNITS.md; gravity is apart, an iPhone's accelerations point down."""
-    path, sign, off = tmp_path / "log", -1 if layout == "ios" else 1, 0 * ACCEL + [0, 0, 9.8]
+    ios, off = "ios" in layout, 0 * ACCEL + [0, 0, 9.8]
+    path, sign = tmp_path / "log", -1 if ios else 1
     values = {"Accelerometer": sign * (ACCEL - off), "Gravity": sign * off}
     values |= {"Gyroscope": GYRO, "GyroscopeUncalibrated": GYRO + 1}
     tables = {name: axes(readings) for name, readings in values.items()}
-    about = {"version": [3], "platform": [layout], "standardisation": ["false"]}
-    if layout == "json":
-        texts = pd.concat(tables, names=["sensor"]).astype(str).reset_index("sensor")
+    about = {"platform": ["ios" if ios else "android"], "standardisation": ["false"]}
+    if "json" in layout:
+        about = {"Metadata": pd.DataFrame(about | {"version": ["3"]})}
+        texts = pd.concat(about | tables, names=["sensor"]).astype(str).reset_index("sensor")
         path.write_text(texts.to_json(orient="records", indent=1))
     elif layout == "one file":
         path = tmp_path / "Gyroscope.csv"
         tables["Gyroscope"].to_csv(path, index=False)
     else:
         path.mkdir()
-        for name, table in (tables | {"Metadata": pd.DataFrame(about)}).items():
+        for name, table in (tables | {"Metadata": pd.DataFrame(about | {"version": [3]})}).items():
             table.iloc[int(name == "Gravity") :].to_csv(path / f"{name}.csv", index=False)
     log = read(path)
     holds(log, GYROS if layout == "one file" else BOTH)
-    assert any("signs turned" in repair for repair in log.repairs) == (layout == "ios")
+    assert any("signs turned" in repair for repair in log.repairs) == ios
 
 
 def sentences(rows, fix=True):
@@ -858,6 +862,35 @@ def test_a_ulog_whose_definition_is_damaged(tmp_path):
     wrong = raw.replace(b"sensor_gyro:uint64_t timestamp", b"sensor_gyro:uint64_t timestomp")
     (tmp_path / "log.ulg").write_bytes(wrong)
     assert [part.name for part in formats.parts_of(tmp_path / "log.ulg")] == ["sensor_combined"]
+
+
+@pytest.mark.parametrize("sampled", [lambda us: us - 100, lambda us: 0, lambda us: us // 10**7])
+def test_a_ulog_whose_times_of_sampling_are_none(sampled, tmp_path):
+    """property: a driver leaves them at 0 or at an earlier one: no message is lost."""
+    fields = (
+        "uint64_t timestamp;uint64_t timestamp_sample;double latitude_deg;double longitude_deg;"
+    )
+    out = [ULOG, _ulog_message("F", f"sensor_gps:{fields}".encode())]
+    out.append(_ulog_message("A", struct.pack("<BH", 0, 0) + b"sensor_gps"))
+    for us in range(10**7, 11 * 10**7, 10**6):
+        out.append(_ulog_message("D", struct.pack("<HQQ2d", 0, us, sampled(us), 47.0, 8.0)))
+    (tmp_path / "log.ulg").write_bytes(b"".join(out))
+    np.testing.assert_allclose(read_moving([tmp_path / "log.ulg"]).gnss.t_s, np.arange(100.0))
+
+
+def test_a_ubx_log_of_two_starts(tmp_path):
+    """property: the time tags begin again, and no message is lost."""
+    path = write("u-blox UBX, ESF-MEAS", tmp_path)
+    path.write_bytes(2 * path.read_bytes())
+    assert len(formats.read_table(path, {}).frame) == 2 * ROWS
+
+
+def test_track_points_without_a_fix(tmp_path):
+    """published: GPX 1.1 has none, 2d, 3d, dgps and pps."""
+    path = write("GPX", tmp_path)
+    text = path.read_text().replace("</ele>", "</ele><fix>none</fix>", 5)
+    path.write_text(text.replace("</ele><time>", "</ele><fix>3d</fix><time>", 9))
+    assert read_moving([path]).gnss.has_fix.tolist() == 5 * [False] + 195 * [True]
 
 
 @pytest.mark.parametrize("top", [864_000_000, 2**32])

@@ -153,7 +153,7 @@ def phone(parts: list[Part]) -> Iterator[Part]:
     ios = "ios" in said and "true" not in said
     for part in parts:
         stem = Path(part.name).stem.lower()
-        names = dict(NAMES["location"]) if stem == "location" else {}
+        names = dict(NAMES[stem]) if stem in ("location", "orientation") else {}
         if stem in _SENSORS and {*AXES, _CLOCK} <= set(part.columns):
             names |= {axis: _SENSORS[stem].format(axis) for axis in AXES}
         primary = part.primary and not _SIDE_BY_SIDE.search(part.name.lower())

@@ -52,6 +52,8 @@ def gpx(path: Path) -> list[Part]:
             what = "a track" if len(frame) else "a route or points"
             raise CannotAnswer(f"{path.name}: GPX with {what} without times: give a recorded track")
         arrays = {"time": frame.pop("time").fillna("").to_numpy(dtype=object)}
+        if "fix" in frame:
+            frame["fix"] = frame["fix"] != "none"
         arrays |= {name: frame[name].to_numpy(dtype=float) for name in frame}
     return [of_arrays(path, "track", arrays, told_by="the GPX standard")]
 

@@ -161,7 +161,8 @@ def json_lines(path: Path) -> list[Part]:
         if "sensor" in frame and (named := frame["sensor"].map(type).eq(str)).any():
             sensors = frame.pop("sensor").where(named, "lines")
         for sensor, rows in frame.groupby(sensors, sort=False):
-            numbers = pd.DataFrame(dict(_numbers(rows.dropna(axis=1, how="all"))))
+            # Of a phone's metadata the words count.
+            numbers = rows if sensor == "Metadata" else pd.DataFrame(dict(_numbers(rows)))
             words = sorted(name for name in numbers if numbers[name].isna().all())
             said = (f"'{name}' left out: text" for name in words)
             lines = numbers.index.to_numpy()
@@ -175,7 +176,7 @@ def json_lines(path: Path) -> list[Part]:
 
 def _numbers(frame: pd.DataFrame) -> Iterator[tuple[str, pd.Series]]:
     """Turn cells into numbers, dates into seconds since 1970, and lists into columns."""
-    for name, cells in frame.items():
+    for name, cells in frame.dropna(axis=1, how="all").items():
         first = cells[cells.first_valid_index()]
         if isinstance(first, list):
             wide = pd.DataFrame([c if isinstance(c, list) else [] for c in cells], frame.index)

@@ -105,7 +105,6 @@ def _ros_leaves(message: Any, above: str = "") -> Iterator[tuple[str, float]]:
 
 def _ros_table(path: Path, topic: str, rows: int) -> Table:
     """Read the messages of one topic."""
-    notes = []
     with _opened(path) as bag:
         messages = bag.messages(bag.topics[topic].connections)
         columns = _ros_columns(bag, tqdm(messages, total=rows, **progress(path)))
@@ -113,8 +112,8 @@ def _ros_table(path: Path, topic: str, rows: int) -> Table:
     if len({len(values) for values in found.values()}) != 1:
         raise CannotAnswer(f"{path.name}: topic {topic} has no rows of equal length")
     received = found.pop("")
-    if len(received) < rows:
-        notes.append(f"{rows - len(received):,} of {rows:,} messages are damaged, left out")
+    lost = rows - len(received)
+    notes = [f"{lost:,} of {rows:,} messages are damaged, left out"] * (lost > 0)
     if not found["t_s"].any():
         found["t_s"] = received
         notes.append(f"{topic} has no stamps: the times of recording are used")
@@ -163,13 +162,13 @@ def ulog(path: Path) -> list[Part]:
         known = _ULOG.get(data.name, {})
         if "timestamp" not in fields_:  # each message has one: its definition is damaged
             continue
-        columns = {"t_us": fields_.pop("timestamp_sample", fields_.pop("timestamp"))}
+        stamps, sampled = fields_.pop("timestamp"), fields_.pop("timestamp_sample", np.zeros(1))
+        # A driver may leave the time of the sample at 0, or at that of an earlier one.
+        columns = {"t_us": sampled if (np.diff(1.0 * sampled, prepend=0) > 0).all() else stamps}
         for field, values in fields_.items():
             name, factor = known.get(field, (field, 1.0))
             if not _ULOG_SIDE.search(field) and name not in columns:
                 columns[name] = values * factor
-        if "temperature" in columns:
-            columns["temperature (degC)"] = columns.pop("temperature")
         if "hdop" in columns and "vdop" in columns:
             columns["pdop"] = np.hypot(columns.pop("hdop"), columns.pop("vdop"))
         if "fix_type" in columns:  # 2 and more: two- or three-dimensional
@@ -199,9 +198,8 @@ def dataflash(path: Path) -> list[Part]:
         raw = np.frombuffer(log.data_map, dtype=np.uint8)
         parts: list[Part] = []
         lost = len(raw) - sum(len(log.offsets[f.type]) * f.len for f in log.formats.values())
-        notes = []
-        if lost >= _PAGE:
-            notes.append(f"{lost:,} of {len(raw):,} bytes are no messages: damaged, left out")
+        damaged = f"{lost:,} of {len(raw):,} bytes are no messages: damaged, left out"
+        notes = [damaged] * bool(lost >= _PAGE)
         for form in log.formats.values():
             offsets = np.asarray(log.offsets[form.type], dtype=np.int64)
             offsets = offsets[offsets + form.len <= len(raw)]
@@ -290,7 +288,9 @@ def ubx(path: Path) -> list[Part]:
             if name == "NAV-PVT":  # the calendar, or the time of week where that is not known
                 frame = frame.drop(columns="t_s" if frame["t_s"].isna().any() else "t_ms")
             else:  # gyros and accelerometers may come in messages of their own
-                frame = frame.groupby(frame.columns[0], sort=False).first().reset_index()
+                tag, which = frame[frame.columns[0]], frame.notna() @ 2 ** np.arange(frame.shape[1])
+                start = frame.groupby([tag, which]).cumcount().cummax()  # the tags begin again
+                frame = frame.groupby([tag, start], sort=False).first().reset_index(0)
             parts.append(of_arrays(path, name, frame, notes, told_by=DEFINED))
     if re.search(nmea.SENTENCE, raw):
         parts += [replace(part, primary=not rows["NAV-PVT"]) for part in nmea.parts(path)]
