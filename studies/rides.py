@@ -124,9 +124,14 @@ def _balzer(path):
 
 def _phone(path):
     log = read_moving([path], columns=PHONE)
-    # The reader doubts a speed that positions with errors of 1100 m do not have.
-    speed = pd.read_csv(path)["speed"].to_numpy()
-    gnss = replace(log.gnss, pdop=log.gnss.pdop / METRES_PER_PDOP, speed_m_s=speed)
+    # A row without a position is an epoch too. The reader doubts a speed that positions with errors
+    # of 1100 m do not have.
+    raw = pd.read_csv(path, parse_dates=["time"])
+    t = pd.Index((raw["time"] - raw["time"][0]).dt.total_seconds(), name="t_s")
+    rows = pd.DataFrame(vars(log.gnss)).set_index("t_s").reindex(t).reset_index()
+    rows["has_fix"], rows["speed_m_s"] = rows["has_fix"].eq(True), raw["speed"]
+    gnss = Gnss(**{name: rows[name].to_numpy() for name in rows})
+    gnss = replace(gnss, pdop=gnss.pdop / METRES_PER_PDOP)
     note = f"no PDOP in the log: the reported accuracy over {METRES_PER_PDOP:g} m stands in for it"
     return gnss, log.imu, (note, "axes turned to z down")
 

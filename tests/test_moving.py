@@ -398,8 +398,65 @@ def test_values_that_cannot_be_are_left_out_and_said(tmp_path):
     assert np.flatnonzero(~log.gnss.has_fix).tolist() == [2, 3, 4]
     assert np.flatnonzero(np.isnan(log.gnss.speed_m_s)).tolist() == [2, 3, 4, 7]
     assert np.flatnonzero(np.isnan(log.gnss.pdop)).tolist() == [5, 6]
-    assert "log.csv: column 'speed_m_s': 1 below zero, left out" in log.notes
+    assert says(log, "line 9, column 'lat_deg': speeds below zero, here first: 1 left out")
     assert says(log, "line 7, column 'lat_deg': PDOP below zero")
+
+
+@pytest.mark.parametrize(("name", "yes", "no"), [
+    ("has_fix", True, False), ("fix", "3D", "none"), ("fix_type", 2, 1), ("fixType", 3, 0),
+    ("quality", "GPS", "NO FIX")])  # fmt: skip
+def test_a_fix_in_words(tmp_path, name, yes, no):
+    """published: words of loggers; a type of 1 has no position (MAVLink, PX4, u-blox)."""
+    rows = [(*row, yes if k < 8 else no) for k, row in enumerate(gnss_rows(range(12)))]
+    assert table(tmp_path, f"{GNSS},{name}", rows).gnss.has_fix.tolist() == 8 * [True] + 4 * [False]
+    log = table(tmp_path, f"{GNSS},fix", [(*row[:-1], "so-so") for row in rows])
+    assert log.gnss.has_fix.all() and says(log, "column 'fix' holds words: not used")
+
+
+def test_letters_of_the_hemisphere(tmp_path):
+    """known case: a logger in Chile, as BT747 writes it; a speed in words is not used, and said."""
+    rows = [(k, 33.4 - 1e-5 * k, "S", 70.6, "W", "47.1 km/h") for k in range(9)]
+    log = table(tmp_path, "t_s,LATITUDE,N/S,LONGITUDE,E/W,SPEED", rows)
+    holds(log.gnss, lat_deg=-33.4 + 1e-5 * np.arange(9), lon_deg=-70.6)
+    assert says(log, "column 'SPEED' holds words: not used")
+
+
+@pytest.mark.parametrize(("written", "read"), [
+    (655.35, np.nan), (-2e10, np.nan), (-1, np.nan), (-90, 270), (360, 360)])  # fmt: skip
+def test_courses_that_are_none(tmp_path, written, read):
+    """published: MAVLink's, Septentrio's and the iPhone's sign of none; -180 to 180 is wrapped."""
+    log = table(tmp_path, GNSS, [(*row[:-1], written) for row in gnss_rows(range(9))])
+    holds(log.gnss, course_deg=read)
+    assert says(log, "courses that are no direction") == np.isnan(read)
+
+
+def test_positions_in_radians(tmp_path):
+    """property: the speed tells; as --columns states it, they are read."""
+    rows = [(k, np.radians(LAT + 15 * k / 111_195), np.radians(LON), 15) for k in range(60)]
+    path = csv(tmp_path, "t_s,lat,lon,speed_m_s", rows)
+    refused(WrongUsage, "in radians: say --columns lat_rad=lat,lon_rad=lon", read_moving, [path])
+    log = read_moving([path], columns={"lat_rad": "lat", "lon_rad": "lon"})
+    holds(log.gnss, lon_deg=LON, speed_m_s=15)
+
+
+def test_what_makes_no_epoch(tmp_path):
+    """property: fixes once a second; between them the IMU, an attitude and a second clock."""
+    rows = []
+    for k, row in enumerate(imu_rows(np.arange(0, 20, 0.1))):
+        rows.append((*row, *((LAT, LON) if k % 10 == 0 else ("", "")), 1, 2, 3, 1000 * k))
+    log = table(tmp_path, IMU + ",lat_deg,lon_deg,roll_deg,pitch_deg,yaw_deg,utc_ms", rows)
+    holds(log.gnss, t_s=np.arange(20.0))
+    assert log.gnss.has_fix.all() and len(log.attitude.t_s) == 200
+
+
+@pytest.mark.parametrize(("unit", "z"), [("deg/s", 9.81), ("rad/s", -9.81)])
+def test_a_gyroscope_in_degrees_is_no_phone(tmp_path, unit, z):
+    """known case: x-io's header; phones give rad/s, and only their axes are turned."""
+    names = [f"Gyroscope {a} ({unit})" for a in "XYZ"] + [
+        f"Accelerometer {a} (m/s^2)" for a in "XYZ"
+    ]
+    log = table(tmp_path, ",".join(["Time (s)", *names]), imu_rows(np.arange(20), -1.0))
+    holds(log.imu, accel_b=[[0.01, 0.02, z] if z > 0 else [0.02, 0.01, z]] * 20)
 
 
 @pytest.mark.parametrize(("unit", "speed"), [
@@ -529,3 +586,16 @@ def test_reported_attitude(tmp_path):
     np.testing.assert_allclose(log.attitude.yaw_deg, 10 + np.arange(20))
     np.testing.assert_allclose(log.attitude.roll_deg, 3 * np.arange(20), atol=1e-4)  # as written
     refused(WrongUsage, "neither positions nor an IMU", replay, log)
+
+
+def test_an_attitude_without_a_unit(tmp_path):
+    """property: it is asked for, or left out beside positions; beyond a turn they are degrees."""
+    rows = [(k, *gnss_rows([k])[0][1:], 0.1, -0.2, 0.01 * k) for k in range(20)]
+    path = csv(tmp_path, "t_s,roll,pitch,yaw", [(row[0], *row[-3:]) for row in rows])
+    refused(WrongUsage, "say --unit angle=deg, or angle=rad", read_moving, [path])
+    holds(read_moving([path], unit="angle=rad").attitude, roll_deg=np.degrees(0.1))
+    log = table(tmp_path, GNSS + ",roll,pitch,yaw", rows)
+    assert log.attitude is None and log.gnss.has_fix.all() and says(log, "angle=rad: not used")
+    log = table(tmp_path, GNSS + ",roll,pitch,yaw", [(*row[:-1], 10 * row[0]) for row in rows])
+    holds(log.attitude, roll_deg=0.1, yaw_deg=10 * np.arange(20))
+    assert says(log, "column 'roll' read as degrees, by its values")

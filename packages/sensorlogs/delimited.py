@@ -23,13 +23,12 @@ import pandas as pd
 from tqdm import tqdm
 
 from sensorlogs import CannotAnswer, counted
+from sensorlogs.names import NAMES
 
 HEAD_BYTES, LONGEST_HEAD, FEWEST_LINES = 1 << 16, 1 << 22, 5
 LARGEST = 3 << 30  # bytes of numbers read at once
 HEAD_LINES = 50
-MISSING = {
-    "", "-", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "<na>", "#n/a",
-}  # fmt: skip
+MISSING = {"", *NAMES["cells"]["missing"].split()}
 CLOCK = re.compile(
     r"^\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ]+\d{1,2}:\d{2}.*)?$|^\d{1,2}:\d{2}(:\d{2}([.,]\d*)?)?$"
 )
@@ -38,9 +37,7 @@ _NEWLINE = re.compile(r"\r\n|\n|\r")
 _LINE_ENDS = (b"\n", b"\r", b"\x00")
 CUT_OFF = "the last line is cut off and was dropped"
 TAIL_BYTES = 1 << 13
-LABELLED = {  # a row's label to its columns: I2Cdev's sketches for the MPU-6050
-    "a/g:": ["label", "accel_x", "accel_y", "accel_z", "gyro_x", "gyro_y", "gyro_z"]
-}
+LABELLED = NAMES["labelled"]
 SHORT_ROWS = 0.01  # share of rows with fewer fields up to which these count as damaged
 
 
@@ -99,7 +96,7 @@ def sniff(path: Path) -> Layout:
                 f"{path.name}, line {extra[0] + 1}: {width} fields, but the header ends at column "
                 f"'{head_row[-1].strip()}' ({len(head_row)}); name each column there"
             )
-    named = head_row or LABELLED.get(fields[rows[0]][0].strip(), [])
+    named = head_row or LABELLED.get(fields[rows[0]][0].strip(), "").split()
     names = _names([*named, *[""] * (width - len(named))])
     text = frozenset(
         name for j, name in enumerate(names) if _is_text([fields[i] for i in rows], j, decimal)

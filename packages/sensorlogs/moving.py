@@ -29,6 +29,7 @@ GYROS, ACCELS = ([f"{what}_{axis}" for axis in AXES] for what in ("gyro", "accel
 NEEDED = {"GNSS": ["lat", "lon"], "IMU": GYROS + ACCELS, "attitude": ["roll", "pitch"]}
 NAMED = {"lat": "deg", "lon": "deg"} | dict.fromkeys(GYROS, "deg_s") | dict.fromkeys(ACCELS, "m_s2")
 ANGLES = ("roll", "pitch", "yaw", "course")
+GIVEN = ("lat", "lon", "height", "pdop", "speed", "fix", "mode", "satellites")  # make an epoch
 TO_OURS = {unit: said["factor"] for own in NAMES["units_of"].values() for unit, said in own.items()}
 TO_OURS["rad"] = float(np.degrees(1.0))
 _SIX = 3 * ["rate"] + 3 * ["accel"]
@@ -286,19 +287,29 @@ class _Rows:
             self.t, again = times.continued(self.t)
         self.restarts = self.t[again].tolist()
         if len(again) and stamps.again is None:
-            place = table.place(again[0], self.time)
-            self.notes.append(
-                f"{place}: the clock starts again, here first: {len(again) + 1} starts"
-            )
+            starts = f"the clock starts again, here first: {len(again) + 1} starts"
+            self.notes.append(f"{table.place(again[0], self.time)}: {starts}")
+        self.table = table = self.read_words(table)
         # The first of a quantity counts; acceleration without gravity, or a bias, if no other is.
         names = [n for n in table.frame.select_dtypes("number") if n != self.time]
         names.sort(key=lambda name: not _SECOND.isdisjoint(recognise(name).words))
         self.names: dict[str, str] = {}
-        for name in table.frame.columns.difference([*names, self.time]):
-            if recognise(name).quantity in NAMED:
-                self.notes.append(f"{self.file}: column '{name}' holds words: not used")
         for name in names:
             self.names.setdefault(recognise(name).quantity or "", name)
+
+    def read_words(self, table: Table) -> Table:
+        """Turn words into numbers: whether there is a fix, N or S of a latitude; note others."""
+        frame = table.frame
+        texts = frame.select_dtypes(exclude="number").dropna(axis=1, how="all")
+        for name in texts.columns.difference([self.time]):
+            words = texts[name].dropna().astype(str).str.lower().str.replace(r"\W", "", regex=True)
+            what = recognise(name).quantity
+            numbers = words.map(NAMES["words"].get(what, {}))
+            if numbers.notna().all():
+                frame = frame.assign(**{name: numbers})
+            elif what in (*GIVEN, *NAMED, *NAMES["words"]):
+                self.notes.append(f"{self.file}: column '{name}' holds words: not used")
+        return replace(table, frame=frame)
 
     def rising(self, rows, notes, late_allowed=0.0) -> np.ndarray:
         """Keep the rows later than all before."""
@@ -314,8 +325,10 @@ class _Rows:
         lacks = []
         for kind, make in (("GNSS", self.gnss), ("IMU", self.imu), ("attitude", self.attitude)):
             missing = [name for name in NEEDED[kind] if name not in self.names]
-            if not missing:
-                made[kind] = make()
+            if not missing and (part := make()) is not None:
+                made[kind] = part
+            elif not missing:
+                lacks.append("the attitude has no unit: say --unit angle=deg, or angle=rad")
             elif len(missing) < len(NEEDED[kind]) and kind != "attitude":
                 named = ", ".join(f"{name}_{NAMED[name]}" for name in missing)
                 lacks.append(f"the {kind} has no column {named}")
@@ -329,7 +342,8 @@ class _Rows:
                 + ", ".join(self.table.frame)
             )
         self.notes += [f"{self.file}: {lack}: not used" for lack in lacks]
-        said = {word for name in self.table.frame for word in recognise(name).words}
+        known = map(recognise, self.table.frame)  # no phone's gyroscope gives deg/s
+        said = {word for one in known if one.unit != "deg/s" for word in one.words}
         if "IMU" in made and (self.told_by == EXPORT or said & PHONE):
             made["IMU"] = _level(made["IMU"], self.notes)
         return made
@@ -341,19 +355,18 @@ class _Rows:
         name = self.names[what]
         unit = recognise(name).unit
         if what == "speed" and unit is None:
-            raise WrongUsage(
-                f"{self.file}: column '{name}' has no unit: say --columns speed_m_s={name}, or "
-                "speed_km_h, speed_knots, speed_mph"
-            )
+            said = f"say --columns speed_m_s={name}, or speed_km_h, speed_knots, speed_mph"
+            raise WrongUsage(f"{self.file}: column '{name}' has no unit: {said}")
         if what in ANGLES:
             unit = unit or columns.given_units(self.given["unit"]).get("angle")
-        return self.table.frame[name].to_numpy() * TO_OURS.get(unit or "", 1.0)
+        values = self.table.frame[name].to_numpy() * TO_OURS.get(unit or "", 1.0)
+        return np.where(self.column(f"{what}_sign") < 0, -np.abs(values), values)
 
     def gnss(self) -> Gnss:
         """Make the epochs: the rows in which the receiver gives a value."""
-        data = {what: self.column(what) for what in self.names if what not in ("", *NEEDED["IMU"])}
-        rows = np.flatnonzero(np.isfinite(self.t) & np.isfinite(list(data.values())).any(axis=0))
-        position = np.column_stack([data["lat"][rows], data["lon"][rows]])
+        data = np.array([self.column(what) for what in GIVEN])
+        rows = np.flatnonzero(np.isfinite(self.t) & np.isfinite(data).any(axis=0))
+        position = data[:2, rows].T.copy()
         position[np.isnan(position).any(axis=1)] = 0.0  # none is held as well
         changed = np.r_[True, (np.diff(position, axis=0) != 0).any(axis=1)]
         if not self.names.keys().isdisjoint(ACCELS) and np.mean(~changed) > HELD:
@@ -362,40 +375,38 @@ class _Rows:
                 if changed[k] or self.t[row] - last >= HELD_S:
                     keep.append(k)
                     last = self.t[row]
-            self.notes.append(
-                f"{self.file}: a position is held over rows: {len(keep):,} epochs where it changes"
-            )
+            held = f"a position is held over rows: {len(keep):,} epochs where it changes"
+            self.notes.append(f"{self.file}: {held}")
             rows = rows[keep]
         at = self.rising(rows, self.notes)
-
-        def column(what):
-            return self.column(what)[at]
 
         def place(k):
             named = self.table.layout is not None or self.table.lines is None  # NMEA has no columns
             return self.table.place(at[k], self.names["lat"] if named else None)
 
-        lat, lon, speed, pdop = map(column, ("lat", "lon", "speed", "pdop"))
+        lat, lon, height, pdop, speed, fixed, mode, satellites = data[:, at]
         fix = np.isfinite(lat) & np.isfinite(lon)
-        if "fix" in data:
-            fix &= column("fix") > 0
+        if "fix" in self.names:  # a type of 1 is none, or dead reckoning: MAVLink, PX4, u-blox
+            fix &= fixed > ("type" in self.names["fix"].lower())
         lon = np.where((lon > 180) & (lon <= 360), wrap(lon), lon)  # counted from 0 to 360
-        if (speed < 0).any():
-            said = f"column '{self.names['speed']}': {(speed < 0).sum():,} below zero, left out"
-            self.notes.append(f"{self.file}: {said}")
-        height, course, mode, satellites = map(column, ("height", "course", "mode", "satellites"))
-        speed, pdop = np.where(speed >= 0, speed, np.nan), np.where(pdop == 0, np.nan, pdop)
+        pdop, course = np.where(pdop == 0, np.nan, pdop), self.column("course")[at]
         gnss = Gnss(self.t[at], lat, lon, height, pdop, speed, course, fix, mode, satellites)
         gnss = timeline.plausible(gnss.without(~fix, *OF_FIX), place, self.notes)
         factor = gnss.speed_factor()
         if not timeline.FACTORS[0] < factor < timeline.FACTORS[1] and factor == factor:
+            turned = replace(gnss, lat_deg=np.degrees(lat), lon_deg=np.degrees(lon)).speed_factor()
+            if (
+                timeline.FACTORS[0] < turned < timeline.FACTORS[1]
+                and not recognise(self.names["lat"]).unit
+            ):
+                raise WrongUsage(
+                    f"{self.file}: by the speed the positions are in radians: say --columns "
+                    f"lat_rad={self.names['lat']},lon_rad={self.names['lon']}"
+                )
             gnss = replace(gnss, speed_m_s=np.full(len(gnss.t_s), np.nan))
             said = f"the positions move {factor:.2f} times as fast as the speed says"
             if self.told_by in HEADERS:
-                said += (
-                    ": its unit is another one. Say it with --columns speed_km_h=COLUMN (or "
-                    "speed_m_s, speed_knots, speed_mph)"
-                )
+                said += ": its unit is another one (say --columns speed_km_h=COLUMN, speed_mph ...)"
             self.notes.append(f"{said}; the speed is left out")
         return gnss
 
@@ -429,9 +440,15 @@ class _Rows:
             )
         return Imu(self.t[rows], gyro, accel)
 
-    def attitude(self) -> Attitude:
+    def attitude(self) -> Attitude | None:
         """Make the attitude of the rows that have one; a heading beside roll and pitch is yaw."""
         yaw = "yaw" if "yaw" in self.names else "course"
+        used = [self.names[what] for what in ("roll", "pitch", yaw) if what in self.names]
+        bare = [name for name in used if not recognise(name).unit]
+        if bare and "angle" not in columns.given_units(self.given["unit"]):
+            if not (self.table.frame[bare].abs() > 1.1 * columns.FULL_TURN["rad"]).any(axis=None):
+                return None
+            self.notes.append(f"{self.file}: column '{bare[0]}' read as degrees, by its values")
         angles = np.array([self.column(what) for what in ("roll", "pitch", yaw)])
         rows = np.flatnonzero(np.isfinite(angles).any(axis=0) & np.isfinite(self.t))
         rows = self.rising(rows, [], IMU_GAPS)

@@ -71,8 +71,6 @@ class Gnss:
         """
         use = self.has_fix & np.isfinite(self.speed_m_s)
         t, v, lat, lon = (a[use] for a in (self.t_s, self.speed_m_s, self.lat_deg, self.lon_deg))
-        if len(t) < FEWEST:
-            return np.nan
         end = np.searchsorted(t, t + WINDOW_S - 1e-6)
         start = np.flatnonzero(end < len(t))
         end = end[start]
@@ -169,7 +167,7 @@ class Timeline:
 
 
 def plausible(gnss: Gnss, place: Callable[[int], str], notes: list[str]) -> Gnss:
-    """Take out what cannot be: positions off the Earth, heights in space, a PDOP below zero.
+    """Take out what cannot be: positions off the Earth, heights in space, a speed below zero.
 
     Parameters
     ----------
@@ -183,12 +181,13 @@ def plausible(gnss: Gnss, place: Callable[[int], str], notes: list[str]) -> Gnss
     -------
     Gnss
     """
-    with np.errstate(invalid="ignore"):
-        off = gnss.has_fix & ~((np.abs(gnss.lat_deg) <= 90) & (np.abs(gnss.lon_deg) <= 180))
-        zero = gnss.has_fix & (gnss.lat_deg == 0) & (gnss.lon_deg == 0)
-        unseen = gnss.has_fix & (gnss.satellites == 0)
-        high = np.abs(gnss.height_m) > HIGHEST_M
-        negative = gnss.pdop < 0
+    off = gnss.has_fix & ~((np.abs(gnss.lat_deg) <= 90) & (np.abs(gnss.lon_deg) <= 180))
+    zero = gnss.has_fix & (gnss.lat_deg == 0) & (gnss.lon_deg == 0)
+    unseen = gnss.has_fix & (gnss.satellites == 0)
+    high = np.abs(gnss.height_m) > HIGHEST_M
+    course = gnss.course_deg
+    nowhere = np.abs(course - 90) > 270  # such as 655.35 of MAVLink
+    nowhere |= (course == -1) & (course[course < 0] == -1).all()  # of an iPhone
     if 2 * off.sum() >= max(gnss.has_fix.sum(), 1):
         k = int(np.argmax(off))
         raise CannotAnswer(
@@ -196,21 +195,23 @@ def plausible(gnss: Gnss, place: Callable[[int], str], notes: list[str]) -> Gnss
             f"{off.sum():,} of {gnss.has_fix.sum():,} positions; give degrees, latitude and "
             "longitude not exchanged"
         )
-    kinds = {
-        "positions beyond 90 deg of latitude or 180 deg of longitude": off,
-        "positions of 0, 0, which stand for none": zero,
-        "positions from 0 satellites": unseen,
-        f"heights beyond {HIGHEST_M / 1000:.0f} km": high,
-        "PDOP below zero": negative,
+    kinds: dict[str, tuple] = {
+        "positions beyond 90 deg of latitude or 180 deg of longitude": (off, *OF_FIX),
+        "positions of 0, 0, which stand for none": (zero, *OF_FIX),
+        "positions from 0 satellites": (unseen, *OF_FIX),
+        f"heights beyond {HIGHEST_M / 1000:.0f} km": (high, "height_m"),
+        "PDOP below zero": (gnss.pdop < 0, "pdop"),
+        "speeds below zero": (gnss.speed_m_s < 0, "speed_m_s"),
+        "courses that are no direction": (nowhere, "course_deg"),
     }
-    for kind, where in kinds.items():
+    gnss = replace(gnss, course_deg=np.where(course < 0, course + 360, course))
+    for kind, (where, *names) in kinds.items():
+        gnss = gnss.without(where, *names)
         if where.any():
             notes.append(
                 f"{place(int(np.argmax(where)))}: {kind}, here first: {where.sum():,} left out"
             )
-    off |= zero | unseen
-    gnss = gnss.without(high, "height_m").without(negative, "pdop").without(off, *OF_FIX)
-    return replace(gnss, has_fix=gnss.has_fix & ~off)
+    return replace(gnss, has_fix=gnss.has_fix & ~(off | zero | unseen))
 
 
 def silent_gaps(gnss: Gnss, imu: Imu | None) -> list[float]:
@@ -239,9 +240,7 @@ def inject_outages(timeline: Timeline, outages: Sequence[tuple[float, float]]) -
     gnss = timeline.gnss
     if gnss is None or not outages:
         return timeline
-    lost = np.zeros(len(gnss.t_s), dtype=bool)
-    for start, stop in outages:
-        lost |= (gnss.t_s >= start) & (gnss.t_s < stop)
+    lost = np.any([(gnss.t_s >= start) & (gnss.t_s < stop) for start, stop in outages], axis=0)
     gnss = replace(gnss.without(lost, *OF_FIX, "pdop"), has_fix=gnss.has_fix & ~lost)
     return replace(timeline, gnss=gnss)
 

@@ -21,11 +21,7 @@ from sensorlogs.names import NAMES, spellings
 SCALES = {unit: said["seconds"] for unit, said in NAMES["units_of_time"].items()}
 _SHORT = ("d", "h", "min")  # alone, such a name is none of a time
 _UNITS = spellings(NAMES["units_of_time"])
-_NAMES = re.compile(
-    r"^(t|time|timestamps?|time_?stamps?|stamp|elapsed|elapsed_?time|epoch|unix|unix_?time|utc|"
-    r"date_?time|gps_?time|(gps[ _]?)?i?tow|uptime|sample_?time|time[ _-].*|timestamp[ _-].*|"
-    r"zeit(stempel)?|temps|tiempo|tempo)$"
-)
+_NAMES = re.compile(NAMES["times"]["named"])
 _STAMP = re.compile(r"(^|[._ /])(time_?stamp|stamp|seconds_elapsed|time)([._ ]n?secs?)?$")
 _UNIX = {"s": (1e8, 1e10), "ms": (1e11, 1e13), "us": (1e14, 1e16), "ns": (1e17, 1e19)}
 _COUNTERS = (2.0**16, 2.0**24, 604800.0, 604800e3, 864e6, 2.0**31, 2.0**32)  # they start again here
@@ -91,7 +87,7 @@ def is_time(name: str) -> bool:
         return False  # T(°) is a temperature
     bare = re.sub(r"[\s_]*[\[(].*$", "", lower)
     stem = re.sub(r"_([a-zµμ]+)$", lambda m: "" if m[1] in _UNITS else m[0], bare)
-    return bool(_NAMES.match(stem)) or (lower in _UNITS and lower not in (*_SHORT, "s"))
+    return bool(_NAMES.fullmatch(stem)) or (lower in _UNITS and lower not in (*_SHORT, "s"))
 
 
 def time_column(frame: pd.DataFrame) -> str | None:
