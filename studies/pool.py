@@ -30,7 +30,7 @@ from analysis.noise.profile_likelihood import profile_curve
 
 CENTRES = 101  # values of mu
 SPREADS = 32  # values of s
-WIDEST = 5.0  # s of a logarithm above which a spread is as good as open
+WIDEST = 5.0  # of a logarithm: a larger spread is as good as open, and so is an end further off
 ALIKE = 0.01  # chance that different units agree so well in every bias
 
 
@@ -155,7 +155,7 @@ def deviation(walk, time, unit):
         for w, t in zip(walks, times, strict=True)
     )
     if value is None:
-        return Estimate.refused(unit, time.note, low=low, high=high)
+        return Estimate.refused(unit, (time if walk.resolved else walk).note, low=low, high=high)
     errors = np.log(np.divide(walks, walk.value)), np.log(np.divide(times, time.value)) / 2
     down, up = np.hypot(*errors)[1:]
     ends = float(value * np.exp(-down)), float(value * np.exp(up))
@@ -281,7 +281,7 @@ def population(curves, unit, model=""):
         said("both_sides_others" if both < n else "both_sides", both=both, count=n),
         said({1: "one_degree", 2: "two_degrees"}.get(freedom, "known_spread")),
     )
-    ends = [None if e is None else float(np.exp(e)) for e in (low, high)]
+    ends = [None if e is None or abs(e - centre) > WIDEST else np.exp(e) for e in (low, high)]
     if None in ends:
         why = note + said("not_both_sides")
         middle = Estimate.refused(unit, why, low=ends[0], high=ends[1])

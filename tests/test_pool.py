@@ -95,6 +95,14 @@ def test_no_spread_is_said_with_a_bound():
         before = spread.high
 
 
+def test_two_units_of_which_one_says_nothing_bound_nothing():
+    """property: beside a flat curve one unit bounds no spread, and so not the centre either."""
+    flat = Profile(np.array([-15.0, 12.0]), np.array([-0.1, 0.0]), (False, False))
+    middle, spread = population([known_variance(4.0, 20, np.random.default_rng(4)), flat], "s")
+    assert (middle.resolved, middle.low, middle.high) == (False, None, None) == (
+        spread.resolved, spread.low, spread.high)  # fmt: skip
+
+
 def test_open_sides_count():
     """property: units known from below only hold the centre up; left out, they would bias it.
 
@@ -199,6 +207,14 @@ def test_a_pool_says_what_may_be_one_unit(tmp_path, capsys):
     repeats = found["channels"][0]["bias_repeatability"]
     means = [member["mean"] for member in found["channels"][0]["members"]]
     assert repeats["value"] == pytest.approx(np.std(means, ddof=1), abs=1e-4)
+
+
+def test_a_channel_of_one_unit_alone_is_named(tmp_path, capsys):
+    """property: what the first log does not have is left out, and the note says so."""
+    names = "gyro_x_deg_s", "gyro_y_deg_s"
+    logs = [write(tmp_path / f"{k}.csv", k, names[: k + 1], change=lambda xy, k=k: xy[:, : k + 1])
+            for k in range(2)]  # fmt: skip
+    assert "1.csv: gyro_y left out: 0.csv has no such" in pooled(capsys, tmp_path / "m", *logs)[1]
 
 
 def test_one_log_does_not_count_as_two_units(tmp_path, capsys):

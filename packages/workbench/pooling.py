@@ -77,10 +77,13 @@ def write(logs, out, *, axes=False):
                     "bias_repeatability": plain(repeatability(means, c.unit, c.kind)),
                 }
             )
+    known = [c.name for c in logs[0].channels]
+    more = [(log.file, c.name) for log in logs for c in log.channels if c.name not in known]
+    more = [f"{file}: {name} left out: {logs[0].file} has no such channel" for file, name in more]
     content = {
         "sources": [characterised.log_source(log) for log in logs],
         "seed": characterised.SEED,
-        "notes": perhaps_one_unit(logs),
+        "notes": more + perhaps_one_unit(logs),
         "channels": channels,
     }
     with pages.folder(out) as draft:
