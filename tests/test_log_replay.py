@@ -210,6 +210,14 @@ def test_what_looks_wrong_is_said(laps, cold, scenario, change, said, unsaid):
     assert said in notes and not re.search(unsaid, notes)
 
 
+def test_the_offset_to_type_is_said(laps):
+    """property: of an IMU that is stamped 0.75 s early, where its first sample belongs."""
+    log = laps[0].log
+    early = replace(log, imu=replace(log.imu, t_s=log.imu.t_s - 0.75))
+    said = float(re.search(r"give --imu-offset (\S+)", told(early))[1])
+    assert said == pytest.approx(log.imu.t_s[0] - log.gnss.t_s[0], abs=0.1)  # the lag's error
+
+
 @pytest.mark.parametrize("part", [(0.0, 60.0), (60.0, 1e9)])
 def test_an_imu_for_a_part_of_the_log(laps, part):
     """property: where the IMU is silent for over a second there is no attitude, which is said."""

@@ -30,6 +30,7 @@ from sensorlogs import catalogue
 from sensorlogs.timeline import Attitude, Gnss, Timeline
 from studies import coverage
 from workbench import cli, comparison
+from workbench.pages import Said, phrase
 
 HOME = (46.2, 6.1, 400.0)
 NONE, NAN = np.empty(0), np.nan
@@ -740,6 +741,12 @@ def log_of(path, found, start=0.0):
     table["t_s"] = start + found.gnss.t_s
     pd.DataFrame(table).to_csv(path, index=False, float_format="%.9f", na_rep="nan")
     return str(path)
+
+
+def test_what_is_about_the_mean_says_so():
+    """property: in a headline and in the terminal, which have no second column."""
+    about = {"units": 2, "a": "a", "b": "b", "metrics": {"roll_p50_deg": 0.29}}
+    assert phrase(Said("apart", about)).endswith("roll about its mean, half are within")
 
 
 START = datetime(2024, 5, 1, 10, tzinfo=UTC).timestamp()  # of the log below

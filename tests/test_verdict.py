@@ -97,6 +97,17 @@ def test_the_part_is_named_or_told_by_the_name():
     refused(WrongUsage, r"no such part; .*kvh1750", verdict.choose_part, result, ATLAS, "kvh9999")
 
 
+@pytest.mark.parametrize(("file", "key"), [
+    ("mti100-static.csv", None), ("MTi-10_night.csv", None), ("gx500hz.csv", None),
+    ("log_x5.csv", None), ("landmark100.csv", None), ("my_MTi-1.csv", "mti1"),
+    ("3dmgx5-25.csv", "gx5"), ("icm42688p_night.csv", "icm42688"), ("Landmark 10", "landmark10"),
+    ("LSM6DSOX.csv", None), ("lsm6dso.csv", "lsm6dso")])  # fmt: skip
+def test_a_part_stands_as_a_whole_word(file, key):
+    """Property: a longer name, or letters of two words, are another part's."""
+    log = SimpleNamespace(source={"title": "a log", "file": file})
+    assert verdict.choose_part(log, ATLAS)[0] == key
+
+
 def test_a_sheet_without_a_random_walk_of_the_accelerometer():
     """Property: what a data sheet does not state is said to lack, what it states is compared."""
     sheet = ATLAS[(ATLAS["sensor"] == "adis16470") & (ATLAS["basis"] == "datasheet")]

@@ -369,7 +369,8 @@ def _remarks(timeline, options, columns, devices, unexplained, lag, moves):
         return
     if imu is not None:
         if lag.value is not None and abs(lag.value) > LAG_SAID:
-            yield "lag", {"lag": lag.value, "low": lag.low, "high": lag.high}
+            offset = float(imu.t_s[0] - gnss.t_s[0]) + lag.value
+            yield "lag", {"lag": lag.value, "low": lag.low, "high": lag.high, "offset": offset}
         share = moves.turn
         if share.value and share.low * share.high > 0 and not 1 / TURNS < share.value < TURNS:
             yield "turns", {"factor": 1 / share.value}

@@ -323,9 +323,7 @@ def replay(
         raise WrongUsage(f"--imu-offset {reading['imu_offset']:g}: give a number of seconds")
     if last_position is not None:
         if "last-position" in (without or ()):
-            raise WrongUsage(
-                "--last-position belongs to block 1, which --without last-position turns off"
-            )
+            raise WrongUsage("--last-position needs block 1, and --without last-position has none")
         _check_last_position(Path(last_position), Path(out))
     log = _read_moving(logs, **reading)
     off = {block.replace("-", "_"): False for block in without or ()}

@@ -192,9 +192,13 @@ def choose_part(result, atlas, wanted=None):
     sheets = atlas[atlas["basis"] == "datasheet"]
     if wanted is not None:
         return known_part(atlas, wanted), Said("part_named")
-    words = {name: _plain(result.source[name]) for name in ("title", "file")}
-    for key in sorted(dict.fromkeys(sheets["sensor"]), key=len, reverse=True):
-        where = next((name for name, word in words.items() if key in word), None)
+    names = dict(zip(sheets["sensor"], sheets["name"], strict=True))
+    for key in sorted(names, key=len, reverse=True):
+        # The key, or the name without its maker, as whole words: MTi-1 is not in MTi-10.
+        words = re.findall(r"[a-z]+|\d+", key), re.findall(r"\w+", names[key])[1:]
+        either = "|".join(map(r"[\W_]*".join, words))
+        whole = re.compile(rf"(?<![^\W_])({either})(?![^\W_])", re.IGNORECASE)
+        where = next((w for w in ("title", "file") if whole.search(result.source[w])), None)
         if where:
             return key, Said("part_in_name", {"where": where})
     return None, Said("no_part")
