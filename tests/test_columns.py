@@ -70,6 +70,9 @@ NO_READINGS = {  # header, columns, what is given, channels, what is left out an
         f"t_s,gyro_x_rad_s,{name}", (*GYRO_X, np.full(N, value)), {}, "gyro_x",
         f"{name} (a temperature)")
        for name, value in (("temp", -3000), ("temp_degF", 77), ("temp_K", 300))},
+    **{f"magnetometer {name}": (
+        f"t_s,gyro_x_rad_s,{name}", (*GYRO_X, GYRO[:, 1]), {}, "gyro_x",
+        f"{name} (another quantity)") for name in ("Bx (mG)", "H_y [G]", "mz_G")},
     "a ramp": (  # a column that is named and has its unit is a reading, whatever its numbers
         "t_s,gyro_x_rad_s,n", (T, np.arange(N) / 10, np.arange(N)), {}, "gyro_x",
         "n (a counter: it steps by 1)"),
@@ -161,6 +164,7 @@ READ = [  # header, columns, what is given -> kind and unit of the channels, in 
     ("", (*RATES, ACCEL), {"unit": "gyro=deg/s,accel=g", "time": 1},
      3 * ["rate deg/s"] + 3 * ["accel g"]),
     ("", (*RATES, ACCEL), {"unit": "accel=g", "time": 1}, 3 * ["accel g"]),
+    ("t,roll (rads),pitch_degs,yaw_rad_s", RATES, {}, ["angle rad", "angle deg", "rate rad/s"]),
 ]  # fmt: skip
 
 
@@ -188,10 +192,13 @@ def test_a_scale_turns_counts_into_the_unit(tmp_path):
     np.testing.assert_array_equal(bare.channels[0].values, 0.5 * RAW[2][:, 0])
 
 
+LONG = (np.resize(WHITE, 2 * N - 1),)
 SIX_UNITS = {"unit": "gyro=deg/s,accel=g"}
 SIX_FLAGS = {"--unit": "gyro=deg/s,accel=g", "--scale": "gyro=1/131,accel=1/16384"}
 GYRO_FLAGS = {"--unit": "gyro=deg/s", "--scale": "gyro=1/131"}
 ASKED = [  # header, columns, what is given -> words of the refusal, flags that it offers
+    ("t_s,sensor_id,gyro_x_deg_s", (np.repeat(T, 2)[1:], np.arange(2 * N - 1) % 2, *LONG), {},
+     "column 'sensor_id' has each of its 2 values once a stamp", None),
     ("time,x,y,z", M_S2, BARE, "x, y, z: no unit is known; say --unit accel=m/s^2", None),
     (THREE, M_S2, BARE, "length of one g in m/s^2: say --columns gx,gy,gz", None),
     (THREE, (T, FALLING), {}, "--scale gyro=1/131", None),

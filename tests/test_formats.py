@@ -83,7 +83,8 @@ def write_hdf5(path):
     """Write a sample."""
     with h5py.File(path, "w") as file:
         for name, values, unit in (("t", T, "s"), ("gyro", GYRO, "rad/s"), ("acc", ACCEL, "m/s^2")):
-            file.create_dataset(f"imu0/{name}", data=values).attrs["units"] = unit
+            stated = np.array([unit], "S5") if name == "acc" else unit  # as some writers do
+            file.create_dataset(f"imu0/{name}", data=values).attrs["units"] = stated
 
 
 def write_json_lines(path, **columns):

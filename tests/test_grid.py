@@ -3,10 +3,11 @@
 import datetime
 
 import numpy as np
+import pandas as pd
 import pytest
 from refused import refused
 
-from sensorlogs import times
+from sensorlogs import WrongUsage, times
 
 
 def grid(t, repeated=None, mode="auto"):
@@ -138,6 +139,8 @@ FINE = np.arange(100) / 100
     ("micros", (4294.9e6 + 1e6 * FINE) % 2**32, "overflowed"),
     ("t_ms", (65000 + 1e3 * FINE) % 2**16, "overflowed"),
     ("GPS TOW (s)", (604799.5 + FINE) % 604800, "overflowed"), ("Zeit [ms]", 1e3 * FINE, None),
+    ("utc", (235959.5 + FINE) % 235960, "read as clock time hhmmss"),
+    ("gps_time", 1.4e9 + FINE, "or as GPS does from 1980"),
     ("time_d", 45413.4166 + FINE / 86400, None),  # of a spreadsheet
 ])  # fmt: skip
 def test_units_of_time(name, column, said):
@@ -146,6 +149,31 @@ def test_units_of_time(name, column, said):
     # 5e-7: a double holds Unix nanoseconds to 256 ns, and days since 1900 to 630 ns
     np.testing.assert_allclose(stamps.since_s, FINE, atol=7e-7)
     assert (said is None and stamps.notes == ()) or said in stamps.notes[0]
+
+
+@pytest.mark.parametrize(("form", "unit", "zero", "said"), [
+    ("03.04.2024 00:00:{:02}", None, datetime.datetime(2024, 4, 3, 0, 0, 3), "date and time"),
+    ("{:02}/03/2024 00:00:00", None, datetime.datetime(2024, 3, 3), "date and time"),
+    ("04/03/2024 00:00:{:02}", None, datetime.datetime(2024, 4, 3, 0, 0, 3), "the month first, th"),
+    ("00:{:02}", "s", 3.0, "clock time"), ("00:{:02}", "min", 180.0, "clock time")])  # fmt: skip
+def test_what_a_date_or_a_clock_without_seconds_means(form, unit, zero, said):
+    """Property: the day first with dots; the month, with a note, where nothing tells it."""
+    texts = np.array([form.format(k) for k in (3, 4, 5)], dtype=object)
+    if unit:
+        refused(WrongUsage, "--time-unit s, or else min", times.stamps, "time", texts)
+    else:
+        zero = zero.replace(tzinfo=datetime.UTC).timestamp()
+    found = times.stamps("time", texts, unit)
+    assert found.zero_s == zero and said in found.notes[0]
+
+
+def test_a_rest_and_a_repetition_of_a_stamp_are_told_apart():
+    """Property: MS beside a clock is no clock; nanoseconds from 1e9 on are no fraction."""
+    clock = pd.DataFrame({"MS": [0.0], "UTC TIME": ["09:00:00"]})
+    assert times.time_column(clock) == "UTC TIME" and times.time_column(clock[["MS"]]) == "MS"
+    for nsec, seconds in ((5e8, 3.5), (3.5e9, 3.0)):
+        frame = times.joined(pd.DataFrame({"time_sec": [3.0], "time_nsec": [nsec]}))
+        assert frame["time_sec"].tolist() == [seconds]
 
 
 DAYS = "%Y-%m-%dT%H:%M:%S.%f", "%Y-%m-%d %H:%M:%S.%f+00:00", "%d/%m/%Y %H:%M:%S.%f"

@@ -40,6 +40,7 @@ _ALWAYS = {"absolute", "abs", "norm", "magnitude", "resultant", "status", "valid
 _KIND_OF_WORD = {word: kind for kind, words in NAMES["kinds"].items() for word in words.split()}
 _PAIRS = {tuple(two.split()): kind for kind, pairs in NAMES["pairs"].items() for two in pairs}
 _ESTIMATED = {"h", "v", "s", "t", "hor", "ver", "pos", "vel", "head", "heading", "speed", "time"}
+_GAUSS = re.compile(r"[BHMbhm][_ ]?[XYZxyz][_ ]*[\[(]?m?G\W*$")  # no one else has a capital G
 _TOKEN = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 LOOKED_AT = 5000  # rows in which a counter, a clock or a norm shows
 _USUAL = {"rate": "deg/s", "accel": "g", "angle": "deg", "position": "m"}
@@ -69,7 +70,9 @@ def split(name: str) -> tuple[str, str | None]:
     """
     for base, end in _ends(name):
         if unit_of(end) or name.endswith(("]", ")")):
-            return base, unit_of(end)
+            # roll_rads is an angle in rad, roll_rad_s a rate.
+            angle = end.lower() in ("degs", "rads") and _kind(base, words(base))[0] == "angle"
+            return base, unit_of(end[:3] if angle else end)
     return name, None
 
 
@@ -247,7 +250,7 @@ def _kind(name: str, parts: list[str]) -> tuple[str | None, str | None]:
         return None, "an accuracy"
     if times.is_time(name):
         return None, "a time"
-    if axis and "heading" in parts:  # the magnetometer of a phone
+    if (axis and "heading" in parts) or _GAUSS.match(name):  # magnetometers, a phone's is heading
         return None, "another quantity"
     if parts == ["t"]:  # T(°)
         return None, "a temperature"
@@ -500,10 +503,9 @@ def given_units(unit: str | None, kind: str | None = None) -> dict[str | None, s
             known = ", ".join(KIND_OF_UNIT)
             raise WrongUsage(f"--unit {text} is not one of {known}; with --kind any is taken")
         stated = its or kind
-        if stated and KIND_OF_UNIT.get(spelled, stated) != stated:
-            raise WrongUsage(
-                f"--unit {unit}: {spelled} is a unit of {KIND_OF_UNIT[spelled]}, not of {stated}"
-            )
+        of = KIND_OF_UNIT.get(spelled, stated)
+        if stated and of != stated:
+            raise WrongUsage(f"--unit {unit}: {spelled} is a unit of {of}, not of {stated}")
         units[its] = spelled
     return units
 

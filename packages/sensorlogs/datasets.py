@@ -94,9 +94,7 @@ def dataset(name: str) -> Entry:
         If no file of that name is registered.
     """
     if name not in registry():
-        raise WrongUsage(
-            f"'{name}' is not in data/registry.csv; `python -m analysis data` lists what is"
-        )
+        raise WrongUsage(f"'{name}' is not in data/registry.csv; see `python -m analysis data`")
     entry, first = registry()[name], _first_use(name)
     if not entry.sha256 and first.is_file():
         return replace(entry, sha256=first.read_text(encoding="utf-8"))

@@ -78,9 +78,7 @@ def sniff(path: Path) -> Layout:
             head_row = [f"{n} ({u})" if u else n for n, u in zip(head_row, units, strict=False)]
             header_lines, rows = rows[0] + 1, rows[1:]
         if not rows:
-            raise CannotAnswer(
-                f"{path.name}: no data: line {header_lines}, the header, is the last line"
-            )
+            raise CannotAnswer(f"{path.name}: no data after line {header_lines}, the header")
     else:
         header_lines = first
         above = [i for i in comments if i < first]
@@ -440,9 +438,7 @@ def _without_empty_end(table: Table, layout: Layout) -> Table:
     nameless = [n for n, e in zip(frame, ends, strict=True) if e is None and re.match(r"c\d+$", n)]
     keep = 1 + max((end for end in ends if end is not None), default=-1)
     if not keep:
-        raise CannotAnswer(
-            f"{table.file}: no data: every cell from line {layout.header_lines + 1} on is empty"
-        )
+        raise CannotAnswer(f"{table.file}: no value from line {layout.header_lines + 1} on")
     repairs = table.repairs
     if keep < len(frame):
         repairs += (f"{counted(len(frame) - keep, 'row')} without any value at the end dropped",)

@@ -214,9 +214,7 @@ def _objects(path: Path, notes: list[str]) -> Iterator[tuple[int, dict]]:
         except (ValueError, RecursionError) as error:
             fault = f"{path.name}, line {number}: no JSON object ({str(error).split(':')[0]})"
             if number != lines[-1][0] or len(lines) < 3:
-                raise CannotAnswer(
-                    f"{fault}; correct it, or cut the file before that line"
-                ) from None
+                raise CannotAnswer(f"{fault}; correct that line, or cut the file there") from None
             notes.append(f"{fault}: the last line, left out")
         else:
             yield number, item
@@ -269,7 +267,7 @@ def _matrix_part(path, label, arrays, rows) -> Part:
 def _unit(array: Any) -> str:
     """Return the unit that HDF5 states of a dataset; other arrays have none."""
     stated = getattr(array, "attrs", {})
-    unit = stated.get("units", stated.get("unit", ""))
+    unit = [*np.ravel(stated.get("units", stated.get("unit", ""))), ""][0]
     return unit.decode() if isinstance(unit, bytes) else str(unit)
 
 

@@ -269,6 +269,14 @@ def _placed(table, option):
     same = np.flatnonzero(at[1:] == at[:-1]) + 1
     now = frame.iloc[same]
     before = frame.iloc[same - 1].set_axis(now.index)
+    stamps = len(at) - len(same)
+    labels = [n for n in frame if frame[n].dtype.kind != "f" or "sensor" in n.lower()]
+    for name in labels if len(same) else ():
+        each = frame[name].nunique()
+        # Half a value: the log may begin and end within a stamp.
+        if len(at) > (each - 0.5) * stamps and frame.groupby([at, name]).ngroups == len(at):
+            said = f"column '{name}' has each of its {each} values once a stamp; give each a file"
+            raise WrongUsage(f"{file}: rows of several sensors: {said}")
     repeated[same] = ((now == before) | (now.isna() & before.isna())).all(axis=1)
     with times.stamp_errors_at(table, time):
         grid = times.by_stamps(at, repeated, option.get("timing", "auto"))
@@ -371,9 +379,8 @@ def _channel(
         turned = np.unwrap(values, period=columns.FULL_TURN[choice.unit])
         jumps = int((np.diff(turned - values).round(6) != 0).sum())
         if jumps:
-            repairs.append(
-                f"'{choice.name}' unwrapped: {counted(jumps, 'jump')} by a full turn removed"
-            )
+            said = f"{counted(jumps, 'jump')} by a full turn removed"
+            repairs.append(f"'{choice.name}' unwrapped: {said}")
             cells, values = np.full(len(cells), np.nan), turned
             cells[finite] = turned
     few = np.percentile(values[:: 1 + len(values) // columns.LOOKED_AT], [5, 95])

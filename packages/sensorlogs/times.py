@@ -5,6 +5,7 @@ departure from the stamps is stated in one sentence in `Grid.repairs`.
 """
 
 import contextlib
+import functools
 import re
 import shlex
 import warnings
@@ -92,20 +93,23 @@ def is_time(name: str) -> bool:
 
 def time_column(frame: pd.DataFrame) -> str | None:
     """Find the time column by its name, or as the only column of clock times."""
-    named = [name for name in frame if is_time(name)] or [
+    bare = [name for name in frame if name.strip().lower() in ("ms", "us", "ns")]
+    named = [name for name in frame if is_time(name) and name not in bare] or [
         name for name in frame if _STAMP.search(re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower())
-    ]
+    ]  # before MS, which may be the rest of a second
     texts = [name for name in frame if frame[name].dtype.kind != "f"]
     clocks = [name for name in texts if CLOCK.match(str(frame[name].iloc[0]).strip())]
-    return next(iter(named + (clocks if len(clocks) == 1 else [])), None)
+    return next(iter(named + bare + (clocks if len(clocks) == 1 else [])), None)
 
 
 def joined(frame: pd.DataFrame) -> pd.DataFrame:
     """Add a column of nanoseconds to the one of seconds beside it: ROS writes a stamp as two."""
-    for name in frame.select_dtypes("number"):
+    numbers = frame.select_dtypes("number")
+    for name in numbers:
         for end in (r"nsec\1", r"nanosec\1"):
             beside = re.sub(r"sec(s?)$", end, name)
-            if beside != name and beside in frame and frame[beside].dtype.kind == "f":
+            # From 1e9 on it is no fraction, but the whole time once more.
+            if beside != name and beside in numbers and numbers[beside].max() < 1e9:
                 whole = frame[name] + 1e-9 * frame[beside]
                 frame = frame.assign(**{name: whole}).drop(columns=beside)
     return frame
@@ -131,23 +135,35 @@ def stamps(name: str, column: np.ndarray, unit: str | None = None) -> Stamps:
         If seconds and milliseconds are equally likely.
     """
     if column.dtype.kind != "f":
-        return _from_text(name, column)
+        return _from_text(name, column, unit)
     t, notes = continuous(np.asarray(column, dtype=float))
     good = t[np.isfinite(t)]
     if not good.size:
-        raise BadStamps(
-            0, "no time stamp in the whole column; name another with --time, or give --rate"
-        )
+        raise BadStamps(0, "no time stamp in this column; name another with --time, or give --rate")
     if unit is not None and unit not in SCALES:
         raise WrongUsage(f"--time-unit {unit} is not one of {', '.join(SCALES)}")
     unit = unit or unit_of(name)
+    if unit is None and (day := _of_digits(t)) is not None:
+        zero, said = float(day[np.isfinite(day)][0]), "clock time hhmmss (--time-unit overrules)"
+        return Stamps(day - zero, zero, DAY, (f"time column '{name}' read as {said}",))
     if unit is None:
         unit, guess = _unit_from_numbers(name, good)
         word = NAMES["units_of_time"][unit]["spelled"].split()[-1]
         notes += (f"time column '{name}' read as {word}{guess} (--time-unit overrules)",)
     zero = float(good[0]) * SCALES[unit]
-    since_1970 = _UNIX["s"][0] <= zero < _UNIX["s"][1]
-    return Stamps((t - good[0]) * SCALES[unit], zero, UNIX if since_1970 else DEVICE, notes)
+    clock = UNIX if _UNIX["s"][0] <= zero < _UNIX["s"][1] else DEVICE
+    if clock == UNIX and re.search("gps(?!.*(utc|unix))", name.lower()):
+        clock, notes = DEVICE, (f"'{name}' counts from 1970, or as GPS does from 1980: no date",)
+    return Stamps((t - good[0]) * SCALES[unit], zero, clock, notes)
+
+
+def _of_digits(t: np.ndarray) -> np.ndarray | None:
+    """Read 100059 as 10:00:59, s, if no step is then as long as over the minute before, or None."""
+    t = np.where(np.isfinite(t), t, np.nan)  # infinity has no rest
+    day = unwrap_clock(t // 1e4 * 3600 + t // 100 % 100 * 60 + t % 100)
+    step, raw = (abs(np.diff(each[np.isfinite(t)])).max(initial=0) for each in (day, t))
+    wrong = (abs(t // 24e4) > 0) | (t // 100 % 100 >= 60) | (t % 100 >= 60)
+    return None if wrong.any() or step >= raw else day
 
 
 def of_table(table: Table, name: str | None = None, unit: str | None = None) -> tuple[str, Stamps]:
@@ -187,34 +203,41 @@ def stamp_errors_at(table: Table, column: str) -> Iterator[None]:
         raise WrongUsage(f"{table.file}: {error}", *error.flags) from error
 
 
-def _from_text(name: str, column: np.ndarray) -> Stamps:
-    """Read ISO dates, or clock times that may run over midnight."""
+def _from_text(name: str, column: np.ndarray, unit: str | None) -> Stamps:
+    """Read ISO dates, or clock times that may run over midnight; of 10:59, the unit of 59."""
     texts = pd.Series(column, dtype="str")
     stripped, start = texts.str.strip(), 0.0
     if texts.dropna().str.match(r"^\s*\d{1,2}:\d{2}").all():
-        padded = stripped.str.replace(",", ".").str.replace(r"^(\d+:\d+)$", r"\1:00", regex=True)
+        full = r"0:\1" if unit == "s" else r"\1:00"
+        padded = stripped.str.replace(",", ".").str.replace(r"^(\d+:\d+)$", full, regex=True)
         seconds = pd.to_timedelta(padded, errors="coerce").dt.total_seconds()
         t = unwrap_clock(seconds.to_numpy())
+        step = pd.Series(t).diff().median()
+        if unit is None and step == 60 and stripped.str.count(":").max() < 2:
+            said = f"time column '{name}': is '{stripped[0]}' mm:ss? Say --time-unit s, or else min"
+            raise WrongUsage(said, {"--time-unit": "s"}, {"--time-unit": "min"})
         clock, read_as = DAY, "clock time"
     else:
+        clock, read_as = UNIX, "date and time"
         with warnings.catch_warnings():  # pandas warns when it cannot guess one common format
             warnings.simplefilter("ignore", UserWarning)
-            dates = pd.to_datetime(texts, errors="coerce", utc=True, format="ISO8601")
+            read = functools.partial(pd.to_datetime, texts, errors="coerce", utc=True)
+            dates = read(format="ISO8601")
             if dates.isna().mean() > 0.5:  # the day or the month first: what takes less time
-                both = [
-                    pd.to_datetime(texts, errors="coerce", utc=True, dayfirst=d) for d in (0, 1)
-                ]
-                dates = min(both, key=lambda d: (d.isna().sum(), d.max() - d.min()))
+                dotted = texts.str.match(r"^\s*\d+\.\d+\.").mean() > 0.5  # the day, as in Europe
+                both = [read(dayfirst=first) for first in (dotted, True)]
+                of = [(d.isna().sum(), d.max() - d.min()) for d in both]
+                dates = both[of[1] < of[0]]
+                if of[0] == of[1] and not both[0].equals(both[1]):
+                    read_as += ", the month first, though nothing tells it from the day"
         first = dates.dropna().min()
         t = (dates - first).dt.total_seconds().to_numpy(dtype=float, copy=True)
         start = first.timestamp() if first == first else 0.0
-        clock, read_as = UNIX, "date and time"
     unread = np.isnan(t) & texts.notna().to_numpy() & (stripped != "").to_numpy()
     if unread.any() or not np.isfinite(t).any():
         row = int(np.argmax(unread))
-        raise BadStamps(
-            row, f"'{printable(str(column[row]))}' is not a time; correct or delete that line"
-        )
+        text = printable(str(column[row]))
+        raise BadStamps(row, f"'{text}' is not a time; correct or delete that line")
     zero = float(t[np.isfinite(t)][0])
     return Stamps(t - zero, start + zero, clock, (f"time column '{name}' read as {read_as}",))
 
@@ -242,9 +265,10 @@ def continuous(t: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
 
 def _unit_from_numbers(name, t) -> tuple[str, str]:
     """Choose the unit from the size of the numbers."""
+    whole = (t[:1000] == np.round(t[:1000])).all()
     for unit, (low, high) in _UNIX.items():
-        if low <= t[0] < high and low <= t[-1] < high and (unit == "s" or _whole(t)):
-            if unit == "s" and _whole(t) and np.median(np.diff(t)) >= 5:
+        if low <= t[0] < high and low <= t[-1] < high and (unit == "s" or whole):
+            if unit == "s" and whole and np.median(np.diff(t)) >= 5:
                 break  # a counter of microseconds that happens to be large
             return unit, " since 1970"
     step = np.diff(t)
@@ -259,11 +283,6 @@ def _unit_from_numbers(name, t) -> tuple[str, str]:
             {"--time-unit": likely},
         )
     return "s", ""
-
-
-def _whole(t: np.ndarray) -> bool:
-    """Tell whether the stamps are whole numbers."""
-    return bool((t[:1000] == np.round(t[:1000])).all())
 
 
 def continued(t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -406,19 +425,15 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
         raise WrongUsage(f"timing '{mode}' is not one of {', '.join(MODES)}")
     repairs: list[str] = []
     rows = np.flatnonzero(np.isfinite(t_s))
-    if lacking := len(t_s) - len(rows):
+    if lost := len(t_s) - len(rows):
         first = int(np.argmin(np.isfinite(t_s)))
-        if lacking > MISSING_ALLOWED * len(t_s):
-            raise BadStamps(
-                first, f"no time stamp here nor in {lacking:,} of {len(t_s):,} rows; {NO_STAMPS}"
-            )
-        repairs.append(f"{counted(lacking, 'row')} without a time stamp dropped")
+        if lost > MISSING_ALLOWED * len(t_s):
+            raise BadStamps(first, f"no time stamp in {lost:,} of {len(t_s):,} rows; {NO_STAMPS}")
+        repairs.append(f"{counted(lost, 'row')} without a time stamp dropped")
     step = np.diff(t_s[rows])
     if (step < 0).any():
-        worst = int(np.argmax(step < 0))
-        raise BadStamps(
-            int(rows[worst + 1]), f"time runs backward by {-step[worst]:.6g} s; {NO_STAMPS}"
-        )
+        at = int(np.argmax(step < 0))
+        raise BadStamps(int(rows[at + 1]), f"time runs backward by {-step[at]:.6g} s; {NO_STAMPS}")
     rows, coarse = _without_repeats(rows, np.r_[False, step == 0][: len(rows)], repeated, repairs)
     t = t_s if len(rows) == len(t_s) else t_s[rows]  # a long log fills the memory
     step = np.diff(t)
@@ -445,11 +460,8 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
             f"missing, the longest {step[before]:.4g} s"
         )
         if missing.sum() > MISSING_ALLOWED * size:
-            raise BadStamps(
-                int(rows[before + 1]),
-                f"{gaps}, before here; more than {MISSING_ALLOWED:.0%} is too much: take one "
-                "stretch with --from and --to",
-            )
+            much = f"more than {MISSING_ALLOWED:.0%} is too much: take a part with --from and --to"
+            raise BadStamps(int(rows[before + 1]), f"{gaps}, before here; {much}")
         repairs.append(f"{gaps}; left as missing")
     return Grid(rate, size, rows, _index(missing), None, tuple(repairs))
 
@@ -474,10 +486,8 @@ def _without_repeats(rows, same, repeated, repairs) -> tuple[np.ndarray, bool]:
     if other.any() and other.sum() >= REPEATS_ALLOWED * len(rows):
         return rows, True
     if same.any():
-        differ = f", in {other.sum():,} other values" if other.any() else ", the same values"
-        repairs.append(
-            f"{counted(same.sum(), 'row')} with the stamp of the row before{differ}: dropped"
-        )
+        how = f", in {other.sum():,} other values" if other.any() else ", the same values"
+        repairs += [f"{counted(same.sum(), 'row')} with the stamp of the row before{how}: dropped"]
     return rows[~same], False
 
 
@@ -510,9 +520,7 @@ def _coarse(t, rows, repairs) -> tuple[float, np.ndarray]:
     """Place samples by count, where the clock of the stamps is slower than the sampling."""
     ticks = np.flatnonzero(np.diff(t) > 0) + 1  # rows at which the clock moves on
     if len(ticks) < 3:
-        raise BadStamps(
-            int(rows[0]), "the time stamps take fewer than 4 values, so there is no rate"
-        )
+        raise BadStamps(int(rows[0]), "the stamps take fewer than 4 values, so there is no rate")
     per_tick, length = np.diff(ticks), np.diff(t[ticks])
     whole = length <= GAP * np.median(length)
     rate = float(per_tick[whole].sum() / length[whole].sum())
