@@ -169,7 +169,8 @@ OF_BOTH = (60.0, 30.0, 250.0), (0.3, 0.15, 0.8)
     # A walk, flicker noise and white noise have none, with what the log still bounds.
     ("N+K", {}, {}, (None, 30.0, None), (None, 0.15, None), "at most 60 corr"),
     ("N+K", {}, {("N+GM", "corr_time"): (None, None)}, NONE, (None, 0.15, None), said("as_a_walk")),
-    ("N+B", {"N+GM": 7.0}, {}, NONE, NONE, "(AIC of N+GM: +7.0)"),
+    ("N+B", {"N+GM": 7.0}, {}, NONE, NONE, "(AIC of N+GM less that of N+B: +7.0)"),
+    ("N+B+Q", {"N+GM+Q": -1.1}, {}, NONE, NONE, "(AIC of N+GM+Q less that of N+B+Q: -1.1)"),
     ("N", {}, {}, NONE, (None, None, 0.18), "shows no slow bias")])  # fmt: skip
 def test_a_bias_by_its_rivals(chosen, aics, ends, time, size, why):
     """known case: correlation time and size, in the words and ends of each rule."""

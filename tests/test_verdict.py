@@ -12,6 +12,7 @@ from refused import refused
 
 import sensorlogs as logs
 from analysis import ROOT, Estimate, WrongUsage, plots, static_logs, store
+from analysis.noise.notes import said
 from workbench import pages, report, verdict
 from workbench.pages import Said, phrase, sentences
 
@@ -125,6 +126,27 @@ def test_a_short_log(tmp_path, no_pictures):
     assert "20 s: long enough for N of gyro_x, known to ±" in why
     assert "B of gyro_x not resolved; B takes an hour or more" in why
     assert within.answer in ("open", "no") and why in page
+
+
+@pytest.mark.parametrize(("remark", "ends", "drift", "answers", "words"), [
+    ("", (0.9, 1.1), None, ("yes", "yes"), "long enough for B of gyro_x, known to ±"),
+    ("", (0.2, 2.1), None, ("yes", "partly"), "a first value of B of gyro_x, known to ±95%"),
+    ("", (0.2, 2.3), None, ("yes", "partly"), "resolved, but not known within a factor of two"),
+    (said("brief", duration=300.0), (0.9, 1.1), None, ("yes", "partly"), "short to tell a slow"),
+    (said("coarse", distinct=5), (0.9, 1.1), None, ("partly", "yes"), "only 5 different values"),
+    ("", (0.9, 1.1), 6e-5, ("partly", "yes"), "from a tilt or the sensor itself")])  # fmt: skip
+def test_what_the_page_notes_is_in_its_verdict(remark, ends, drift, answers, words):
+    """property: no yes beside a remark, a drift of an accelerometer or a value off by a factor."""
+    slope = Estimate(drift, None, None, "m/s^2/s", resolved=bool(drift))
+    known = dict.fromkeys(("arw", "vrw"), Estimate(1.0, 0.9, 1.1, "deg/sqrt(s)"))
+    known |= {"bias_instability": Estimate(1.0, *ends, "deg/s"), "drift": slope}
+    fit, kind = GYRO.fit | {"disturbances": [], "terms": []}, "accel" if drift else "rate"
+    one = replace(GYRO, kind=kind, parameters=GYRO.parameters | known, fit=fit)
+    still = static_logs.read("mpu6050-gyro")
+    found = replace(still, source=still.source | {"repairs": [remark]}, channels=(one,))
+    rest, enough = verdict.at_rest(found), verdict.long_enough(found, {})
+    assert (rest.answer, enough.answer) == answers
+    assert words in sentences(*rest.why, *enough.why)
 
 
 def test_a_log_that_moved_and_one_that_shook(page_of):

@@ -258,8 +258,8 @@ class Inference:
                 why += said("as_a_walk_most", times=_count(duration / low))
             no_size, bounds = said("time_open", why=why), {"low": least}
         elif "flicker" in terms:
-            more = self.similar(UNIFIED).aic - self.chosen.aic
-            why = no_size = said("flicker_chosen", unified=UNIFIED, more=more)
+            chosen, other = self.chosen, self.similar(UNIFIED)
+            why = no_size = said("flicker_chosen", of=chosen, to=other, more=other.aic - chosen.aic)
         else:
             why, longest = said("no_bias"), duration / PART
             no_size = listed(why, said("no_bias_bound", longest=longest))
@@ -486,7 +486,7 @@ def either(own, other, kind):
             return replace(own, low=low, high=high, note=note)
         why = said("opposite_sign", term=named)
     else:
-        why = own.note if not own.resolved else other.note
+        why = said("with", term=named, why=other.note) if own.resolved else own.note
     why = listed(why, said("undecided", term=named))
     return Estimate.refused(own.unit, why, low=low, high=high)
 

@@ -89,14 +89,14 @@ class Triad:
         """Number of each axis x, y, z, or None where there is no such axis."""
         return [self.axes.get(k, {}).get(name) for k in "xyz"]
 
-    def _having(self, name):
+    def having(self, name):
         """List the axes that resolve a number; if none does, those with a stand-in for it."""
         axes, term = [a for a in self.axes.values() if a[name]], "N" if name == "N" else "slow"
         return [a for a in axes if term not in a["stands_in"]] or axes
 
     def mean(self, name):
         """Root mean square of a number over the axes that have it, or None."""
-        values = [axis[name] for axis in self._having(name)]
+        values = [axis[name] for axis in self.having(name)]
         return float(np.sqrt(np.mean(np.square(values)))) if values else None
 
     def bound(self, name):
@@ -104,14 +104,13 @@ class Triad:
         bounds = [bound for bound in self.each(f"{name}_bound") if bound is not None]
         return max(bounds, default=None) if self.mean(name) is None else None
 
-    @property
-    def process(self):
-        """One (sigma_b, T_c) for three axes, or None.
+    def process(self, name="sigma_b"):
+        """One (sigma_b, T_c) for the axes that have a number, or None.
 
         Root mean squares of sigma_b and of its random walk, so that both keep their mean power:
         T_c = 2 sigma_b^2 / K^2. Axes that only have a random walk count where no axis has more.
         """
-        processes = [(a["sigma_b"], a["corr_time"]) for a in self._having("sigma_b")]
+        processes = [(a["sigma_b"], a["corr_time"]) for a in self.having(name)]
         processes = [p for p in processes if p[1] < FOREVER] or processes
         if not processes:
             return None
@@ -143,20 +142,11 @@ def files(model, *, strict=False):
     """
     triads, left_out = sort_triads(model, strict=strict)
     source, rate, texts = model["source"], float(model["source"]["rate_hz"]), {}
-    context = {
-        **{sensor: triads.get(sensor, Triad(sensor, {})) for sensor in SENSORS.values()},
-        "source": source,
-        "triads": triads,
-        "about": _parameters(source, triads),
-        "rate": rate,
-        "missing": MISSING,
-        "forever": FOREVER,
-        "inf": np.inf,
-        "degrees": np.degrees(1.0),
-        "numbers": _numbers,
-        "diffusion": conventions.diffusion,
-        "per_sample": conventions.per_sample,
-    }
+    context = {sensor: triads.get(sensor, Triad(sensor, {})) for sensor in SENSORS.values()}
+    context |= {"source": source, "rate": rate, "triads": triads}
+    context |= {"about": _parameters(source, triads), "numbers": _numbers}
+    context |= {"missing": MISSING, "forever": FOREVER, "inf": np.inf, "degrees": np.degrees(1.0)}
+    context |= {"diffusion": conventions.diffusion, "per_sample": conventions.per_sample}
     for name, title in TITLES.items() if triads else ():
         text = pages.page(f"{name}.j2", context, title=title)
         texts[name] = text.encode("ascii", "replace").decode()

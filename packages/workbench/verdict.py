@@ -24,9 +24,11 @@ SYMBOLS = {key: p["symbol"] for key, p in PARAMETERS.items()}
 NAMES = {key: p["name"] for key, p in PARAMETERS.items()}
 IN_SUMMARY = tuple(k for k, p in PARAMETERS.items() if "kinds" in p)  # of gyros, accelerometers
 SLOW = ("sigma_v", "sigma_b")  # of an angle or a position
-STATES = ("known", "wide", "short", "disturbed")  # of a number, in the order they are told
+STATES = ("known", "wide", "rough", "short", "disturbed")  # of a number, in the order they are told
 KNOWN = 0.2  # half width of an interval, relative, with which a number is known well
 HARMLESS = ("spikes", "stuck", "oscillation")  # disturbances that refuse nothing, but are told
+DOUBTS = ("the gyros read", "may be what is measured")  # how remarks say that it is not sure
+BRIEF = "too short to tell a slow bias"  # likewise
 TRACKERS = ("bias states", "R tuned")  # of the error plane that all pages share
 
 
@@ -77,7 +79,7 @@ def long_enough(result, needed):
             state = "disturbed" if key in hurt else "short"
             if e.resolved:
                 half = (e.high - e.low) / 2 / abs(e.value) if e.low and e.high else 0.0
-                state = "wide" if half > KNOWN else "known"
+                state = "rough" if half > 1 else "wide" if half > KNOWN else "known"
             found.setdefault((state, SYMBOLS[key]), []).append((c.name, half))
     seconds, every, said = result.source["duration_s"], [c.name for c in result.channels], []
     for state, symbol in sorted(found, key=lambda of: STATES.index(of[0])):
@@ -95,8 +97,10 @@ def long_enough(result, needed):
     elif slow:
         said.append(Said("takes_as_a_rule", {"symbols": slow}))
     states = {state for state, _ in found}
-    answer = "yes" if states <= {"known"} else "partly"
-    if not states & {"known", "wide"}:
+    brief = any(BRIEF in repair for repair in result.source["repairs"])
+    said += [Said("brief")] if brief else []
+    answer = "partly" if brief or states - {"known"} else "yes"
+    if states <= {"short", "disturbed"}:
         answer = "no" if "short" in states else "open"
     return Answer(Said("long"), answer, [[Said("lasts", {"seconds": seconds, "found": said})]])
 
@@ -109,7 +113,7 @@ def at_rest(result):
     Answer
     """
     used, kinds = result.source.get("used"), {c.kind for c in result.channels if c.kind in LEADING}
-    doubt = [r for r in result.source["repairs"] if r.startswith("the gyros read")]
+    doubt = [r for r in result.source["repairs"] if any(words in r for words in DOUBTS)]
     said = Said("part_at_rest", used) if used else Said("no_motion", {"kinds": kinds})
     found = [*_found(result), *(Said("repair", {"words": words}) for words in doubt)]
     answer = "open" if not kinds else "partly" if used or found else "yes"
@@ -133,9 +137,11 @@ def _found(result):
     """Say what besides noise is in the log: what was fitted, with its size, and the rest."""
     every, fitted, others = [c.name for c in result.channels], {}, {}
     for c in result.channels:
-        for term in c.fit["terms"]:
-            size = Estimate(**term["parameters"]["amplitude"])
-            fitted.setdefault((term["kind"], size.unit), []).append((abs(size.value), c.name))
+        sizes = [(t["kind"], Estimate(**t["parameters"]["amplitude"])) for t in c.fit["terms"]]
+        if c.kind == "accel" and c.parameters["drift"].resolved:
+            sizes.append(("drift", c.parameters["drift"]))
+        for kind, size in sizes:
+            fitted.setdefault((kind, size.unit), []).append((abs(size.value), c.name))
         for d in c.fit["disturbances"]:
             if d["affects"] or d["kind"] in HARMLESS:
                 others.setdefault((d["kind"], bool(d["affects"])), []).append(c.name)
