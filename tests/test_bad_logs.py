@@ -73,8 +73,10 @@ def test_a_refusal(case):
 
 @pytest.mark.parametrize("case", ["three seconds", "two levels", "drift in whole steps"])
 def test_report(tmp_path, no_pictures, case):
-    """property: the command answers them too; test_cli has what it refuses."""
-    log = write(tmp_path, [f"{i * DT:.2f},{v!r}" for i, v in enumerate(ANSWERED[case].tolist())])
+    """property: the command answers them too, beside channels that are dead, which it names."""
+    header = "t_s,gyro_x_deg_s,gyro_y_deg_s,accel_z_g"
+    rows = (f"{i * DT:.2f},{v!r},0.5,1" for i, v in enumerate(ANSWERED[case].tolist()))
     with warnings.catch_warnings(action="error"):
-        told("report", log, "--out", tmp_path / "mine")
+        out = told("report", write(tmp_path, rows, header), "--out", tmp_path / "mine")
+    assert "note: left out, since it is constant: gyro_y, accel_z (is the sensor connected" in out
     assert (tmp_path / "mine" / "model.json").exists()

@@ -165,6 +165,8 @@ READ = [  # header, columns, what is given -> kind and unit of the channels, in 
      3 * ["rate deg/s"] + 3 * ["accel g"]),
     ("", (*RATES, ACCEL), {"unit": "accel=g", "time": 1}, 3 * ["accel g"]),
     ("t,roll (rads),pitch_degs,yaw_rad_s", RATES, {}, ["angle rad", "angle deg", "rate rad/s"]),
+    ("t_s,gyro_x_dph,delta_v_x_m_s", (T, 3600 * GYRO[:, :2]), {}, ["rate deg/h"]),
+    ("t,accel_x_g (m/s^2)", (T, 9.8 * ACCEL[:, 2]), {}, ["accel m/s^2"]),
 ]  # fmt: skip
 
 
@@ -205,6 +207,9 @@ ASKED = [  # header, columns, what is given -> words of the refusal, flags that 
     (NUMBERED, NINE, {}, "--unit gyro=deg/s,accel=m/s^2", None),
     ("t,gyro_x_deg_s", (1e6 * T, GYRO[:, 0]), {}, "--time-unit us", None),
     ("", (*RATES, ACCEL), BARE | {"time": 1}, "for channels of one kind", None),
+    ("t,gyro_x_deg_s [rad/s]", GYRO_X, {}, "'gyro_x_deg_s [rad/s]' is in deg/s and rad/s", None),
+    *((f"t_s,{name}", GYRO_X, {}, f"{name} (an increment: name it as a rate, gyro_x_rad_s", [])
+      for name in ("delta_v_x_m_s", "dtheta_x_rad")),
     # Whole numbers are no deg/s or g.
     (COUNTS, RAW, SIX_UNITS, "raw counts", [SIX_FLAGS]),
     (COUNTS, RAW, SIX_UNITS | {"scale": "gyro=1/131"}, "raw counts", [SIX_FLAGS]),

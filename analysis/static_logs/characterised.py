@@ -1,13 +1,13 @@
 """A static log characterised: every channel with its own random numbers."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from analysis.noise import channel as noise
-from analysis.noise import spectrum
+from analysis.noise import notes, spectrum
 from analysis.noise.channel import ChannelNoise, joined, remarks
 from analysis.static_logs.processes import in_processes
 from analysis.static_logs.standstill import static_part
@@ -56,9 +56,15 @@ def characterise(log: Log, *, seed: int = SEED, progress: bool = True) -> Static
     Raises
     ------
     CannotAnswer
-        If the sensor moves, or a channel is too short or does not vary.
+        If the sensor moves, or a channel is too short, or none varies; of several, those that do
+        not are left out.
     """
     log = static_part(log)
+    dead = [c.name for c in log.channels if np.nanmin(c.values) == np.nanmax(c.values)]
+    if 0 < len(dead) < len(log.channels):
+        kept = tuple(c for c in log.channels if c.name not in dead)
+        repairs = (*log.repairs, notes.said("dead", names=", ".join(dead)))
+        log = replace(log, channels=kept, repairs=repairs)
     streams = np.random.SeedSequence(seed).spawn(len(log.channels))
 
     spectrum.prepare(len(log.channels[0].values))

@@ -25,6 +25,7 @@ FULL_TURN = {"deg": 360.0, "rad": 6.283185307179586}
 
 _PREFIXES = {"m": 1e-3, "u": 1e-6, "c": 1e-2}  # mdps, ug, cm/s^2
 _OTHERS = {"rpm": ("deg/s", 6.0), "gal": ("m/s^2", 1e-2), "ft/s2": ("m/s^2", 0.3048)}
+_OTHERS["dph"] = "deg/h", 1.0
 _PLAIN = str.maketrans("²¹⁻−µμ", "21--uu") | {ord("°"): "deg", ord("º"): "deg"}
 _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
 FLAG = {"rate": "gyro", "accel": "accel", "angle": "angle", "position": "position"}
@@ -35,6 +36,8 @@ FREE = {"linear", "lin", "linacc", "user"}  # an acceleration from which gravity
 AXES = ("x", "y", "z")
 VERTICAL = ("z", "_down", "_up")
 _SAID_BY = {word: what for what, words in NAMES["others"].items() for word in words.split()}
+INCREMENT = "an increment: name it as a rate, gyro_x_rad_s, and say --scale with the sample rate"
+_SAID_BY |= dict.fromkeys(("delta", "dtheta", "dangle", "dvel", "dv", "incr"), INCREMENT)
 _WITH_AXIS = {"a counter", "a status word", "a norm"}  # such words do not spoil imu_sample_gyro_x
 _ALWAYS = {"absolute", "abs", "norm", "magnitude", "resultant", "status", "valid"}
 _KIND_OF_WORD = {word: kind for kind, words in NAMES["kinds"].items() for word in words.split()}
@@ -392,6 +395,9 @@ def choose(
     found, notes = [], []
     for name, its in kinds.items():
         base, own = split(name)
+        twice = split(base)[1] or own
+        if own and twice != own and KIND_OF_UNIT[twice] == its != "accel":
+            raise WrongUsage(f"{file}: column '{name}' is in {twice} and {own}: correct the header")
         said = units.get(its, units.get(None))
         said = said if KIND_OF_UNIT.get(said or "", its) == its else None
         if said and own not in (None, said) and not {own, said} <= IN_M_S2.keys():
@@ -414,11 +420,14 @@ def choose(
             "right, or put the units into the header, such as gyro_x_deg_s, accel_z_g",
             *flags,
         )
+    reasons = grouped((why, name) for name, why in (left_out | no_unit).items())
+    listed = ", ".join(f"{', '.join(names)} ({why})" for why, names in reasons.items())
+    if not found:
+        raise WrongUsage(f"{file}: no column is a reading: {listed}")
     if not any(units.get(None) in (None, c.unit) for c in chosen):
-        options = [f"--{o} {v}" for o, v in (("unit", unit), ("kind", kind)) if v]
         raise WrongUsage(
-            f"{file}: {' '.join(options) or 'no unit that is known'} fits none of the columns "
-            f"{', '.join(frame)}: leave it out, or state their unit with --unit or in the header"
+            f"{file}: --unit {unit} fits none of the columns {', '.join(frame)}: leave it out, or "
+            "state their unit with --unit or in the header"
         )
     for each, alike in grouped((c.kind, c) for c in chosen).items():
         names, its_unit = [c.column for c in alike], alike[0].unit
@@ -432,9 +441,7 @@ def choose(
     _check_gravity(frame, file, chosen, units)
     if not (kind or "rate" in units):
         _check_gyros(frame, file, chosen)
-    if left_out := left_out | no_unit:
-        reasons = grouped((why, name) for name, why in left_out.items())
-        listed = ", ".join(f"{', '.join(names)} ({why})" for why, names in reasons.items())
+    if listed:
         notes.append(f"columns left out: {listed}; --columns takes such a column all the same")
     doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
     chosen = [replace(c, name=tidy(c.column)) if c.name in doubles else c for c in chosen]
@@ -655,12 +662,12 @@ def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, st
         elif column.other:
             kind, why = "GNSS" if column.quantity in _GNSS else column.other, "its name"
         elif name in by_content and not (column.kind and unit):
-            kind, why = by_content[name].split(":")[0], "its numbers"
+            kind, why = by_content[name], "its numbers"
         elif column.kind and not unit:
             why = "its name, no unit"
         elif not unit:
             why = ""
-        found.append((name, kind, unit, why))
+        found.append((name, kind.split(":")[0], unit, why))
     return found
 
 
