@@ -80,6 +80,20 @@ def test_both_allan_curves_and_the_model_over_them():
     assert stepped.fit["terms"] and other == pytest.approx(bound, rel=0.01)
 
 
+@pytest.mark.parametrize("stay", [False, True])
+def test_what_is_left_out_is_in_the_recorded_curve_alone(stay):
+    """property: spikes, or readings that stay, do not move N and B, nor widen them by a fifth."""
+    y, at = QUIET + WALK, np.arange(20_000)
+    broken = y[np.minimum(at, 16_000)] if stay else y + 50.0 * (at % 1009 == 7)
+    found, clean = as_gyro(broken, 0.1), as_gyro(y, 0.1)
+    np.testing.assert_allclose(found.allan.adev, allan.allan_deviation(broken, 0.1).adev)
+    left, whole = (c.allan_line_removed.adev[:20] for c in (found, clean))
+    np.testing.assert_allclose(left, whole, rtol=0.05)  # of a fifth less
+    for a, b in ((c.parameters[p] for c in (found, clean)) for p in ("arw", "bias_instability")):
+        assert a.value == pytest.approx(b.value, rel=0.05)
+        assert np.log(a.high / a.low) < 1.2 * np.log(b.high / b.low)
+
+
 @pytest.mark.parametrize("detrend", [True, False])
 def test_the_panels_of_a_channel(detrend):
     """known case: a line through 6010 samples of 0.1 s; 15 s of them, 1502 means of four.

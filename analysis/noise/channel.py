@@ -46,7 +46,8 @@ class ChannelNoise:
     allan : AllanCurve
         Of the log as recorded, as every tool shows it.
     allan_line_removed : AllanCurve or None
-        Without the straight line; None if that is left in.
+        Without the straight line, and without spikes and stuck readings where parameters are
+        estimated; None if the line is left in.
     line : tuple of float
         Mean (U) and slope (U/s) of the straight line through the log.
     short, whole : tuple of ndarray
@@ -136,11 +137,13 @@ def characterise(
         except CannotAnswer as error:
             raise CannotAnswer(said("channel", name=name, why=error)) from error
         known, models, fit = result.parameters, result.table(), result.summary()
-        fitted_from = result.averaged * dt
+        fitted_from, left = result.averaged * dt, result.coarse.samples
+        if left is not y:  # spikes or stuck readings were left out
+            line_removed = allan_deviation(fit_line(left, dt)[0], dt)
         if kind in DENSITY:
             curve = line_removed
             if result.terms:
-                curve = allan_deviation(fit_line(result.without_terms(y), dt)[0], dt)
+                curve = allan_deviation(fit_line(result.without_terms(left), dt)[0], dt)
             known |= _beside_the_curve(result, known, curve)
         parameters = {key: known[key] for key in PARAMETERS if key in known}
     return ChannelNoise(
