@@ -43,7 +43,8 @@ def inferred(y, dt=DT, **more):
 def test_a_term_is_found_and_the_noise_is_as_without(kind):
     """coverage: size and place within twice their intervals, and sigma_b within the clean log's."""
     clean, (shape, truth) = log(3), SHAPES[kind]
-    warmth = {"temperature": 20 + 100 * shape} if kind == "temperature" else {}
+    noisy = 20 + 100 * shape + 0.1 * np.random.default_rng(6).standard_normal(N)  # of a thermometer
+    warmth = {"temperature": noisy} if kind == "temperature" else {}
     found, whole = inferred(clean + shape, **warmth), inferred(clean)
     (term,) = found.terms
     assert term.kind == kind and term.parameters.keys() == truth.keys()

@@ -31,6 +31,7 @@ from analysis.noise.added_terms import (
     subtracted,
     weaker_noise,
 )
+from analysis.noise.autocorrelation import block_means
 from analysis.noise.disturbances import EXACT, Disturbance, adjusted, lines, of_samples, uneven
 from analysis.noise.fit import (
     MODELS,
@@ -385,8 +386,9 @@ def infer(
     result = Inference(likelihood, fits, chosen, unit, coarse, m, fewest, lack, band)
     warmth = None
     if temperature is not None and np.ptp(temperature) > 0:
-        times, warmer = dt * np.arange(len(y)), temperature - temperature.mean()
-        warmth = partial(np.interp, xp=times, fp=warmer)
+        # In means: the noise of a thermometer, which no gyro feels, hides a line in it.
+        warmer = block_means(temperature - temperature.mean(), coarse.m)
+        warmth = partial(np.interp, xp=coarse.time, fp=warmer)
     result, rival = add_terms(result, rate, warmth, partial(transformed, m))
     if len(result.terms) == MOST_TERMS:
         note = said("terms", most=MOST_TERMS)
