@@ -11,6 +11,11 @@ def said(code: str, **numbers) -> str:
     return SENTENCES[code].format(**numbers)
 
 
+def tells(code: str, text: str) -> bool:
+    """Tell whether a text holds the sentence of a code, whatever its numbers."""
+    return all(part.split("}")[-1] in text for part in SENTENCES[code].split("{"))
+
+
 def listed(*parts: str) -> str:
     """Join the parts of a note; an empty one is left out."""
     return "; ".join(part for part in parts if part)

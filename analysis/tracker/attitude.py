@@ -12,7 +12,7 @@ is a number, too. tests/test_attitude.py holds this against the dense filters of
 
 import math
 
-from analysis.tracker.vectors import STANDARD_GRAVITY, add, cross, dot, unit
+from analysis.tracker.vectors import STANDARD_GRAVITY, add, cross, dot, plus, unit
 
 SIGMA_ACCEL = 0.05  # m/s^2, one sample at rest
 EXTERNAL_TAU_S = 1.0  # s over which vibration is averaged out of the vehicle's acceleration
@@ -123,7 +123,7 @@ class Attitude:
         scale = -1 / STANDARD_GRAVITY
         z = fx * scale, fy * scale, fz * scale
         after = self.tilt.update(z, variance * scale * scale)
-        self._external = [f + STANDARD_GRAVITY * d for f, d in zip(accel_b, after)]
+        self._external = plus(accel_b, STANDARD_GRAVITY, after)
         share = dt / EXTERNAL_TAU_S if dt < EXTERNAL_TAU_S else 1.0
         both = zip(self._mean_external, self._external)
         self._mean_external = [m + share * (e - m) for m, e in both]
@@ -256,7 +256,7 @@ class Attitude:
             self.bias.rest(gyro, 0.0)
             self.tilt.set_rate_error(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
             self.yaw.set_rate_error(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
-        self._external = [f + STANDARD_GRAVITY * d for f, d in zip(accel_b, down)]
+        self._external = plus(accel_b, STANDARD_GRAVITY, down)
         self._mean_external = [0.0] * 3 if still else self._external
         self.ready = True
         self._clear_sums()
@@ -392,7 +392,7 @@ class GyroBiasFilter:
         Ph = [dot(row, axis) for row in P]
         gain = 1 / (dot(Ph, axis) + variance)
         step = gain * (value - dot(x, axis))
-        self.x = [x[i] + step * Ph[i] for i in range(3)]
+        self.x = plus(x, step, Ph)
         for i in range(3):
             for j in range(i, 3):
                 P[i][j] -= gain * (Ph[i] * Ph[j])

@@ -25,7 +25,7 @@ import math
 from collections import namedtuple
 
 from analysis.tracker.at_rest import mean
-from analysis.tracker.vectors import configure, wrap
+from analysis.tracker.vectors import configure, plus, wrap
 
 SIGMA_ENTRY = 0.2  # m/s^2 of road, rider and GNSS speed in a mean over an entry, to begin with
 SIGMA_LATERAL = 1.0  # of the share of the lateral acceleration that the sensor measures: 0 to 1
@@ -142,7 +142,7 @@ class MountingYaw:
             self._since, self._sum = speed, [0.0] * 7
             return False
         means = (ax, ay, speed * yaw_rate, variance, 1.0) + (levelled or (ax, ay))
-        self._sum = [total + value * dt for total, value in zip(self._sum, means)]
+        self._sum = plus(self._sum, dt, means)
         seconds = self._sum[4]
         if seconds + 0.5 * dt < self.entry_s:  # to the nearest epoch, for theirs jitter
             return False
@@ -172,7 +172,7 @@ class MountingYaw:
         # Forgetting follows a device put on otherwise; it costs what is not yet known well.
         known, new = self._known[0], sums[0]
         keep = max(self.keep, min(1.0, (ENOUGH - new) / known)) if known > 0 else 1.0
-        self._known = [keep * k + s for k, s in zip(self._known, sums)]
+        self._known = plus(sums, keep, self._known)
         angle, known_sigma, slope = weighted_angle(self._known)
         good = known_sigma <= self.max_mount_sigma and self.slope[0] <= slope <= self.slope[1]
         if good:
@@ -216,8 +216,8 @@ def fit(entries, sigma_level):
     for entry in entries:
         values, weight = entry[:4], entry[4]
         total = total + weight
-        means = [m + weight * v for m, v in zip(means, values)]
-        products = [p + weight * q for p, q in zip(products, _products(values))]
+        means = plus(means, weight, values)
+        products = plus(products, weight, _products(values))
     shrink = 1 / total
     products = [p - shrink * q for p, q in zip(products, _products(means))]
     return products + [len(entries) - 1.0]

@@ -39,6 +39,11 @@ def unit(a):
     return [a[0] * scale, a[1] * scale, a[2] * scale]
 
 
+def plus(a, factor, b):
+    """Return a + factor b, of two sequences of one length."""
+    return [x + factor * y for x, y in zip(a, b)]
+
+
 def add(total, values):
     """Add three values to three sums."""
     total[0] += values[0]

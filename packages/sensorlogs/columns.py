@@ -25,7 +25,6 @@ FULL_TURN = {"deg": 360.0, "rad": 6.283185307179586}
 
 _PREFIXES = {"m": 1e-3, "u": 1e-6, "c": 1e-2}  # mdps, ug, cm/s^2
 _OTHERS = {"rpm": ("deg/s", 6.0), "gal": ("m/s^2", 1e-2), "ft/s2": ("m/s^2", 0.3048)}
-_OTHERS["dph"] = "deg/h", 1.0
 _PLAIN = str.maketrans("²¹⁻−µμ", "21--uu") | {ord("°"): "deg", ord("º"): "deg"}
 _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
 FLAG = {"rate": "gyro", "accel": "accel", "angle": "angle", "position": "position"}
@@ -36,8 +35,6 @@ FREE = {"linear", "lin", "linacc", "user"}  # an acceleration from which gravity
 AXES = ("x", "y", "z")
 VERTICAL = ("z", "_down", "_up")
 _SAID_BY = {word: what for what, words in NAMES["others"].items() for word in words.split()}
-INCREMENT = "an increment: name it as a rate, gyro_x_rad_s, and say --scale with the sample rate"
-_SAID_BY |= dict.fromkeys(("delta", "dtheta", "dangle", "dvel", "dv", "incr"), INCREMENT)
 _WITH_AXIS = {"a counter", "a status word", "a norm"}  # such words do not spoil imu_sample_gyro_x
 _ALWAYS = {"absolute", "abs", "norm", "magnitude", "resultant", "status", "valid"}
 _KIND_OF_WORD = {word: kind for kind, words in NAMES["kinds"].items() for word in words.split()}

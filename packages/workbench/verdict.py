@@ -15,6 +15,7 @@ from analysis import CannotAnswer, Estimate, WrongUsage, datasheets, in_one_unit
 from analysis.datasheets import IN_ATLAS, LEADING
 from analysis.noise.added_terms import signal_of
 from analysis.noise.models import adev_of_terms
+from analysis.noise.notes import tells
 from analysis.noise.parameters import PARAMETERS
 from sensorlogs import grouped
 from workbench.pages import Said
@@ -27,8 +28,6 @@ SLOW = ("sigma_v", "sigma_b")  # of an angle or a position
 STATES = ("known", "wide", "rough", "short", "disturbed")  # of a number, in the order they are told
 KNOWN = 0.2  # half width of an interval, relative, with which a number is known well
 HARMLESS = ("spikes", "stuck", "oscillation")  # disturbances that refuse nothing, but are told
-DOUBTS = ("the gyros read", "may be what is measured")  # how remarks say that it is not sure
-BRIEF = "too short to tell a slow bias"  # likewise
 TRACKERS = ("bias states", "R tuned")  # of the error plane that all pages share
 
 
@@ -97,7 +96,7 @@ def long_enough(result, needed):
     elif slow:
         said.append(Said("takes_as_a_rule", {"symbols": slow}))
     states = {state for state, _ in found}
-    brief = any(BRIEF in repair for repair in result.source["repairs"])
+    brief = any(tells("brief", repair) for repair in result.source["repairs"])
     said += [Said("brief")] if brief else []
     answer = "partly" if brief or states - {"known"} else "yes"
     if states <= {"short", "disturbed"}:
@@ -113,7 +112,7 @@ def at_rest(result):
     Answer
     """
     used, kinds = result.source.get("used"), {c.kind for c in result.channels if c.kind in LEADING}
-    doubt = [r for r in result.source["repairs"] if any(words in r for words in DOUBTS)]
+    doubt = [r for r in result.source["repairs"] if tells("doubt", r) or tells("coarse", r)]
     said = Said("part_at_rest", used) if used else Said("no_motion", {"kinds": kinds})
     found = [*_found(result), *(Said("repair", {"words": words}) for words in doubt)]
     answer = "open" if not kinds else "partly" if used or found else "yes"
