@@ -214,7 +214,7 @@ def _from_text(name: str, column: np.ndarray, unit: str | None) -> Stamps:
         t = unwrap_clock(seconds.to_numpy())
         step = pd.Series(t).diff().median()
         if unit is None and step == 60 and stripped.str.count(":").max() < 2:
-            said = f"time column '{name}': is '{stripped[0]}' mm:ss? Say --time-unit s, or else min"
+            said = f"'{stripped[0]}' may be mm:ss or hh:mm: say --time-unit s, or min"
             raise WrongUsage(said, {"--time-unit": "s"}, {"--time-unit": "min"})
         clock, read_as = DAY, "clock time"
     else:
