@@ -34,14 +34,15 @@ def test_readings_are_those_of_the_true_motion(name):
     ride = scenario(name, rng(), imu_rate=40.0, **RIDES[name], **NO_ERROR)
     imu, last = ride.log.imu, 60
     attitude, velocity = Rotation.from_matrix(ride.C_nb[0]), np.zeros(3)
-    for k in range(40 * last):
-        force = attitude.apply(imu.accel_b[k])
-        velocity += (force + np.array([0.0, 0.0, STANDARD_GRAVITY])) / 40
-        attitude *= Rotation.from_rotvec(imu.gyro_b[k] / 40)
+    for k in range(40 * last):  # by the trapezoidal rule: readings are those of their instant
+        turn = (imu.gyro_b[k] + imu.gyro_b[k + 1]) / 80
+        before, attitude = attitude, attitude * Rotation.from_rotvec(turn)
+        force = before.apply(imu.accel_b[k]) + attitude.apply(imu.accel_b[k + 1])
+        velocity += (force / 2 + np.array([0.0, 0.0, STANDARD_GRAVITY])) / 40
     course = np.radians(ride.course_deg)
     v = ride.speed_m_s * np.array([np.cos(course), np.sin(course), 0 * course])
-    np.testing.assert_allclose(velocity, v[:, last], atol=0.05)  # half a sample of 1.5 m/s^2
-    assert (attitude.inv() * Rotation.from_matrix(ride.C_nb[last])).magnitude() < 1e-9
+    np.testing.assert_allclose(velocity, v[:, last], atol=0.03)
+    assert (attitude.inv() * Rotation.from_matrix(ride.C_nb[last])).magnitude() < 1e-4
     assert np.nanmax(np.abs(ride.fix_error())) < 1e-5
     left, start = ride.stored(3.0, -4.0), (ride.north_m[0], ride.east_m[0])
     found = np.add(ride.error(left.lat_deg, left.lon_deg, 0), start)
@@ -110,7 +111,7 @@ def test_a_body_rocks_on_its_springs():
     assert (abs(pole), -pole.real) == pytest.approx((w, 0.2 * w), rel=1e-3)
     felt = np.vecdot(d.C_nb[stop + 1], d.log.imu.accel_b[40 * (stop + 1)])
     course = np.radians(d.course_deg[-1])
-    back = 40 * (rate[40] - rate[39])  # the roof goes forward as the nose goes down
+    back = 20 * (rate[41] - rate[39])  # the roof goes forward as the nose goes down
     assert felt @ [np.cos(course), np.sin(course), 0] == pytest.approx(-back, rel=0.05)
     assert felt[2] == pytest.approx(-STANDARD_GRAVITY)
 

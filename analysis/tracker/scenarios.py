@@ -25,7 +25,7 @@ import numpy as np
 import pandas as pd
 import pymap3d
 from scipy.signal import lsim, lti
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from analysis import STANDARD_GRAVITY
 from analysis.noise.models import gauss_markov
@@ -392,15 +392,12 @@ def _measure(
     step = np.radians(swing_deg) * np.minimum(v, 1.0) * np.sin(2 * np.pi * 0.9 * t)
     angles = np.column_stack([course, step + ground[0] + rock, roll + step + ground[1]])
     mounted = Rotation.from_euler("ZYX", [mount_deg, tilt[1], tilt[0]], degrees=True)
-    angles, again = np.unique(angles, axis=0, return_inverse=True)  # at rest there is one
-    again = again.ravel()  # NumPy 2.0 gives a column
-    attitude = (Rotation.from_euler("ZYX", angles) * mounted)[again]
+    attitude = Rotation.from_euler("ZYX", angles) * mounted
     if np.ndim(rock):  # the roof, 1 m above the axis about which the body rocks
         back = np.gradient(np.gradient(rock, dt), dt)
         a_n -= back[:, None] * np.column_stack([np.cos(course), np.sin(course), 0.0 * course])
     accel = attitude.inv().apply(a_n - [0.0, 0.0, STANDARD_GRAVITY])
-    gyro, bends = np.zeros((n, 3)), np.flatnonzero(np.diff(again))
-    gyro[bends] = (attitude[bends].inv() * attitude[bends + 1]).as_rotvec() / dt
+    gyro = RotationSpline(t, attitude)(t, 1)
     accel = accel + imu.accel_bias * rng.standard_normal(3)
     gyro = gyro + imu.gyro_bias * rng.standard_normal(3)
     accel += imu.accel_white * rng.standard_normal((n, 3))
