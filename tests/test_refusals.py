@@ -14,7 +14,7 @@ from analysis.noise.disturbances import Disturbance
 from analysis.noise.fit import MODELS, Fit, NoiseLikelihood
 from analysis.noise.inference import Inference
 from analysis.noise.likelihood import Terms, evaluate
-from analysis.noise.models import FLICKER
+from analysis.noise.models import FLICKER, UnifiedModel
 from analysis.noise.notes import said
 from analysis.noise.over_models import Floor, envelope
 
@@ -159,6 +159,8 @@ OF_BOTH = (60.0, 30.0, 250.0), (0.3, 0.15, 0.8)
     ("N+GM", {"N+B": 3.8}, {}, NONE, (None, None, 0.6), "N+B fits"),
     ("N+GM", {}, {("N+GM", "corr_time"): (30.0, None)}, (None, 30.0, None), SIZE, said("too_few")),
     ("N+GM", {}, {("N+GM", "sigma_b"): (0.1, None)}, TIME, (None, 0.1, None), said("too_few")),
+    ("N+GM", {}, {("N+GM", what): (30.0, None) for what in ("corr_time", "sigma_b")},
+     (None, 30.0, None), (None, 30.0, None), said("time_open", why="likelihood of N+GM")),
     # A walk is a bias without bounds.
     ("N+GM", {"N+K": 3.8}, {}, (None, 30.0, None), (None, 0.15, None), "N+K fits"),
     # A second slow process that is better: the ends of both.
@@ -223,6 +225,15 @@ def test_an_interval_by_all_models_is_that_of_their_profiles():
         risen = [f.aic - least + likelihood.profile(f, "sigma_v", np.array([end]))[0] for f in fits]
         assert min(risen) == pytest.approx(chi2.ppf(0.95, 1), abs=1e-3)
     assert envelope(likelihood, fits, "rrw").without == (("N+B",) if "N+B" in found.models else ())
+
+
+def test_a_bias_that_may_last_for_ever_has_no_largest_size():
+    """property: of a walk sigma_b would end where the times tried do; a bias has its own ends."""
+    bias = UnifiedModel(0.1, 20.0, 0.1).simulate(20_000, 0.1, np.random.default_rng(6))
+    for known, ended in ((wandering(4000, 0.1), False), (NoiseLikelihood.of_log(bias, 0.1), True)):
+        fit = known.fit("N+GM")
+        ends = [known.interval(fit, what) for what in ("corr_time", "sigma_b")]
+        assert all(low and (high is not None) == ended for low, high in ends)
 
 
 def test_the_floor_of_a_walk_is_the_mean_of_its_sizes():

@@ -209,12 +209,13 @@ class NoiseLikelihood:
             None on a side that the data do not bound.
         """
         along, offset = direction(fit, what)
-        low, high = (
-            None if end is None else float(np.exp(end + offset))
-            for end in interval(
-                self.surface(fit.names), fit.point, fit.log_likelihood, along, threshold=fall
-            )
-        )
+        top = self.surface(fit.names), fit.point, fit.log_likelihood
+        ends = interval(*top, along, threshold=fall)
+        low, high = (None if end is None else float(np.exp(end + offset)) for end in ends)
+        # Of a bias that may last for ever the log has only its walk, sigma_b sqrt(2 / T): sigma_b
+        # would end where the times end that are tried.
+        if what == "sigma_b" and high and self.interval(fit, "corr_time", fall)[1] is None:
+            high = None
         return low, high
 
     def profile(self, fit: Fit, what: str, values: np.ndarray) -> np.ndarray:

@@ -251,10 +251,8 @@ class Inference:
             few = said("few_low") if times < SELECTED else ""
             return {what: self._of_bias(what, note, few) for what in ("corr_time", "sigma_b")}
         if "rrw" in terms:  # a bias whose correlation time has no upper end
-            unified, why = self.similar(UNIFIED), said("as_a_walk")
-            low, least = (
-                self.likelihood.interval(unified, what)[0] for what in ("corr_time", "sigma_b")
-            )
+            unified, why, ends = self.similar(UNIFIED), said("as_a_walk"), self.likelihood.interval
+            low, least = (ends(unified, what)[0] for what in ("corr_time", "sigma_b"))
             if low is not None:
                 why += said("as_a_walk_most", times=_count(duration / low))
             no_size, bounds = said("time_open", why=why), {"low": least}
@@ -265,10 +263,8 @@ class Inference:
             why, longest = said("no_bias"), duration / PART
             no_size = listed(why, said("no_bias_bound", longest=longest))
             bounds = {"high": self.likelihood.hidden_bias(self.chosen, longest)}
-        return {
-            "corr_time": Estimate.refused("s", why, low=low),
-            "sigma_b": Estimate.refused(self.unit, no_size, **bounds),
-        }
+        time, size = Estimate.refused("s", why, low=low), (self.unit, no_size)
+        return {"corr_time": time, "sigma_b": Estimate.refused(*size, **bounds)}
 
     def _of_bias(self, what, note, few):
         chosen = self.chosen
@@ -281,6 +277,8 @@ class Inference:
         if e.resolved and e.high is not None:
             return replace(e, note=e.note + few)
         why = e.note if e.low is None else e.note + said("too_few")
+        if what == "sigma_b" and e.low is not None:
+            why = said("time_open", why=why)
         return Estimate.refused(e.unit, why, low=e.low, high=e.high)
 
     def drift(self, rng, settled):
