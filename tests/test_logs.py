@@ -323,10 +323,11 @@ NO_LOGS = {
 
 @pytest.mark.parametrize("case", NO_LOGS)
 def test_what_is_no_log_is_refused(tmp_path, case):
-    """Property: empty, binary and damaged files cannot be answered, each in one sentence."""
+    """Property: empty and damaged files cannot be answered, unknown formats are wrong usage."""
     content, words = NO_LOGS[case]
     (tmp_path / "my.csv").write_bytes(content)
-    message = str(refused(CannotAnswer, "my.csv", logs.read, tmp_path / "my.csv"))
+    kind = WrongUsage if case in ("binary", "picture") else CannotAnswer
+    message = str(refused(kind, "my.csv", logs.read, tmp_path / "my.csv"))
     assert all(word in message for word in words) and "Error" not in message
 
 

@@ -469,6 +469,21 @@ def test_a_speed_of_another_unit_is_left_out(tmp_path, unit, speed):
     assert np.isfinite(log.gnss.speed_m_s).all() == right != says(log, "its unit is another one")
 
 
+@pytest.mark.parametrize(("turn", "left"), [
+    (lambda c: c, True), (lambda c: c - 25, True), (np.radians, False), (lambda c: c + 180, False),
+    (lambda c: 90 - c, False), (lambda c: np.nan * c, False)])  # fmt: skip
+def test_a_course_against_the_positions_is_left_out(tmp_path, turn, left):
+    """property: two minutes round a square: the right one, a crab, and those that are another."""
+    course, place, rows = np.repeat([250.0, 340, 70, 160], 30), np.zeros(2), []
+    for k, c in enumerate(course):
+        rows.append((k, LAT + place[0], LON + place[1], 100, 2, 15, turn(c)))
+        north, east = np.cos(np.radians(c)), np.sin(np.radians(c)) / np.cos(np.radians(LAT))
+        place += 15 / 111_195 * np.array([north, east])
+    log = table(tmp_path, GNSS, rows)
+    assert np.isfinite(log.gnss.course_deg).all() == left and np.isfinite(log.gnss.speed_m_s).all()
+    assert says(log, "off the course") != (left or np.isnan(turn(1.0)))
+
+
 def test_a_speed_in_knots_has_no_other_unit(tmp_path):
     """published: NMEA's unit is fixed; first fixes that converge at rest leave the speed in."""
     lines = flat(epoch(15 * k, start=36000.0 - 14 * k, speed=0.1) for k in range(60))

@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from sensorlogs import CannotAnswer, counted
+from sensorlogs import CannotAnswer, WrongUsage, counted
 from sensorlogs.names import NAMES
 
 HEAD_BYTES, LONGEST_HEAD, FEWEST_LINES = 1 << 16, 1 << 22, 5
@@ -149,7 +149,7 @@ def _head(path: Path) -> tuple[list[str], str]:
         binary = _CONTROL.search(head)
         if binary:
             line = len(_NEWLINE.split(head[: binary.start()].decode("latin-1")))
-            raise CannotAnswer(
+            raise (CannotAnswer if line > FEWEST_LINES else WrongUsage)(
                 f"{path.name}, line {line}: bytes that are not text: a damaged file, or a binary "
                 "format that is not known; cut it before that line, or export it as CSV"
             )

@@ -392,23 +392,28 @@ class _Rows:
         pdop, course = np.where(pdop == 0, np.nan, pdop), self.column("course")[at]
         gnss = Gnss(self.t[at], lat, lon, height, pdop, speed, course, fix, mode, satellites)
         gnss = timeline.plausible(gnss.without(~fix, *OF_FIX), place, self.notes)
-        factor = gnss.speed_factor()
-        if not timeline.FACTORS[0] < factor < timeline.FACTORS[1] and factor == factor:
-            turned = replace(gnss, lat_deg=np.degrees(lat), lon_deg=np.degrees(lon)).speed_factor()
-            if (
-                timeline.FACTORS[0] < turned < timeline.FACTORS[1]
-                and not recognise(self.names["lat"]).unit
-            ):
+        (factor, astray), (low, high) = gnss.against_positions(), timeline.FACTORS
+        if not low < factor < high and factor == factor:
+            turned = replace(gnss, lat_deg=np.degrees(lat), lon_deg=np.degrees(lon))
+            bare = not recognise(self.names["lat"]).unit
+            if bare and low < turned.against_positions()[0] < high:
                 raise WrongUsage(
                     f"{self.file}: by the speed the positions are in radians: say --columns "
                     f"lat_rad={self.names['lat']},lon_rad={self.names['lon']}"
                 )
-            gnss = replace(gnss, speed_m_s=np.full(len(gnss.t_s), np.nan))
             said = f"the positions move {factor:.2f} times as fast as the speed says"
-            if self.told_by in HEADERS:
-                said += ": its unit is another one (say --columns speed_km_h=COLUMN, speed_mph ...)"
-            self.notes.append(f"{said}; the speed is left out")
-        return gnss
+            wrong, way = (
+                "speed_m_s",
+                "its unit is another one (say --columns speed_km_h=COLUMN)",
+            )
+        elif astray > timeline.ASTRAY:
+            said = f"the positions go {astray:.0f}° off the course, at the median"
+            wrong, way = "course_deg", "another angle or unit (say --columns course_rad=COLUMN)"
+        else:
+            return gnss
+        said += f": {way}" if self.told_by in HEADERS else ""
+        self.notes.append(f"{said}; the {wrong.split('_')[0]} is left out")
+        return gnss.without(fix, wrong)
 
     def imu(self) -> Imu:
         """Make the samples: rows with all six readings, in SI units; gravity checks them."""
