@@ -172,15 +172,16 @@ def counted() -> text.Shown:
     ways = independent()[WAYS].dropna()
     paper, car = (sum(said.startswith(REPRODUCED) for said in of) for _, of in ways.items())
     twice = (
-        f" The terrain paper does not say where the noise of a gyro is put, so {len(ways)} of them"
-        f" are judged for both places: on the attitude {paper} hold, integrated as in a car {car}."
-        " Counted above is the former, chosen because most claims hold there, or the car's where"
-        " that is open."
+        " The terrain paper puts the noise of a gyro on its rate in eq. (1) and on the attitude in"
+        f" its text, so {len(ways)} of them are judged for both: on the attitude {paper} hold,"
+        f" integrated as in a car {car}. Counted above is the former, for there N outweighs B as in"
+        " the paper, or the car's where that is open."
     )
     return text.Shown(
         f"The papers make {claimed} claims; {n.sum()} are independent (each computation once,"
-        f" history left out). {agree} of these are reproduced, {n[REPRODUCED]} of them"
-        f" without a condition (such as that the sensor is its printed model); {differ} are not,"
+        f" history left out). {agree} of these are reproduced, {n[REPRODUCED]} of them without a"
+        f" condition (such as that the sensor is its printed model; several choices that a paper"
+        f" leaves open may reverse them together); {differ} are not,"
         f" {n[NOT_REPRODUCED]} without one; {n[UNDECIDABLE]} are left open by the data or logs"
         f" as long as the papers', {n[NOT_TESTABLE]} need data not at hand; {n[BY_CONSTRUCTION]}"
         f" could not have come out otherwise and are no evidence{waiting}."
@@ -388,8 +389,8 @@ class Ledger:
         row = self._judged(claim)
         judged = _verdict(row, value if isinstance(value, Estimate) else (value, low, high))
         if undecided:
-            judged = (f"{UNDECIDABLE}: {undecided}", judged[1])
-        return self._enter(row, judged, when)
+            return self._enter(row, (f"{UNDECIDABLE}: {undecided}", judged[1]))
+        return self._enter(row, judged, self.when, when)
 
     def check_logs(self, claim: str, found: ArrayLike, *, when: str | None = None) -> str:
         """Judge one claim about something random by what came out in many simulated logs.
@@ -411,7 +412,7 @@ class Ledger:
             The verdict.
         """
         row = self._judged(claim)
-        return self._enter(row, _verdict(row, np.asarray(found)), when)
+        return self._enter(row, _verdict(row, np.asarray(found)), self.when, when)
 
     def check_both(self, claim: str, paper: pd.DataFrame, car: pd.DataFrame, *when: str) -> str:
         """Judge one claim twice: as the paper most likely did, and as a car does.
@@ -451,7 +452,7 @@ class Ledger:
         conditions = (*dict.fromkeys(way), turn and f"R is R₀ ({turn})")
         together = ", ".join(filter(None, conditions))
         both = dict(zip(TWICE, (*ways, *_rounded(row["unit"], *ends[1])), strict=True))
-        return self._enter(row, (verdict, ends[0]), together, both)
+        return self._enter(row, (verdict, ends[0]), self.when, together, both=both)
 
     def table(self, elsewhere: str | None = None, *, main: bool = False) -> text.Shown:
         """Lay published and reproduced side by side, for the notebook's last section.
@@ -485,7 +486,7 @@ class Ledger:
             verdict = mine["verdict"]
             if self.when:
                 verdict = verdict.replace(f" if {self.when}, ", " if ", 1)
-                verdict = verdict.removesuffix(f" if {self.when}")
+                verdict = verdict.removesuffix(f" if {self.when}").removesuffix(",")
             row = {k: theirs[k] for k in ("where", "claim")} | {"published": _published(theirs)}
             row["counts as agreement"] = _agreement(theirs)
             if mine["as_a_car_does"]:
@@ -522,11 +523,11 @@ class Ledger:
             raise WrongUsage(f"claim '{claim}' is not judged: its row says {row['why']}")
         return row
 
-    def _enter(self, row, judged, when=None, both=None):
+    def _enter(self, row, judged, *when, both=None):
         verdict, ends = judged
-        conditions = ", ".join(filter(None, (self.when, when)))
-        if conditions and verdict in (REPRODUCED, NOT_REPRODUCED):
-            verdict += f" if {conditions}"
+        conditions = ", ".join(filter(None, when))
+        if conditions:
+            verdict += f"{',' * verdict.startswith(UNDECIDABLE)} if {conditions}"
         self._mine[row.name] = self._entry(row, verdict, ends) | (both or {})
         self._write()
         return verdict

@@ -13,8 +13,6 @@ import numpy as np
 import pandas as pd
 
 from analysis import noise, store
-from analysis.noise.allan import cluster_sizes, overlapped_variance
-from analysis.noise.models import gauss_markov
 from studies.cells import Cell, tabulate
 from studies.coverage import RATE_HZ, TERRAIN
 
@@ -30,7 +28,6 @@ TERRAIN_WINDOW_S = 10.0  # averages whose autocorrelation is taken; the paper do
 FLIGHT_DT = 0.25  # s: every fifth of the comparison paper's 20 Hz
 # s, from the begin of the turns to the end of the pushovers (section VII)
 MANOEUVRES = 1429.0, 1906.0
-POINTS = 40  # of the Allan curve of the bias alone
 
 
 def of_channel(model, stream):
@@ -42,10 +39,10 @@ def of_channel(model, stream):
         ``short_std``: standard deviation of the first 15 s, line of the log removed (deg).
         ``gaussian``, where there is a drift: 1 if the values, drift left in, are nearer to a
         Gaussian than to a uniform distribution.
-        ``corr_time_by_window``, ``sigma_b_by_window``: largest over smallest reading in averages of
-        1, 5, 10 and 30 s; inf where one of them finds nothing.
+        ``corr_time_by_window``, ``sigma_b_by_window``: largest over smallest value in averages of
+        1, 5, 10 and 30 s, ``.._to_10_s`` without the last; inf where one of them finds nothing.
         ``corr_time`` (s), ``sigma_b`` (deg): by likelihood in averages of 1 s, the model given. The
-        last four are left out where T_c is infinite.
+        last six are left out where T_c is infinite.
     """
     dt = 1 / RATE_HZ
     y = model.simulate(round(DURATION_S / dt), dt, np.random.default_rng(stream))
@@ -58,7 +55,8 @@ def of_channel(model, stream):
     read = [noise.correlogram(residual, dt, window) for window in WINDOWS_S]
     for name in ("corr_time", "sigma_b"):
         values = np.array([getattr(one, name) for one in read])
-        found[f"{name}_by_window"] = np.nan_to_num(values.max() / values.min(), nan=np.inf)
+        for until, some in (("by_window", values), ("to_10_s", values[:-1])):
+            found[f"{name}_{until}"] = np.nan_to_num(some.max() / some.min(), nan=np.inf)
     fit = unified_fit(y.reshape(-1, round(1 / dt)).mean(axis=1), dt)
     return found | {name: interval(*fit, name) for name in ("corr_time", "sigma_b")}
 
@@ -80,13 +78,22 @@ def interval(likelihood, fit, name):
     return (None if low is None or high is None else fit.terms[name][-1]), low, high
 
 
-def of_receiver(radius, differential, stream):
-    """Give the ``cep`` of one static log of a receiver with that CEP, m, outliers left out."""
-    rng = np.random.default_rng(stream)
-    fixes = noise.simulate_fixes(radius, round(DURATION_S), 1.0, rng, differential=differential)
-    good = ~noise.outliers(*fixes.values())
-    e = noise.cep(fixes["north"][good], fixes["east"][good])
-    return {"cep": (e.value, e.low, e.high)}
+def of_receiver(radius, stream):
+    """Read one static log of a receiver with that CEP, outliers left out.
+
+    Returns
+    -------
+    dict of str, (value, low, high)
+        ``cep``, ``cep_corrected``: without and with differential corrections, m.
+    """
+    found = {}
+    for name, differential in (("cep", False), ("cep_corrected", True)):
+        rng = np.random.default_rng(stream)
+        fixes = noise.simulate_fixes(radius, round(DURATION_S), 1.0, rng, differential=differential)
+        good = ~noise.outliers(*fixes.values())
+        e = noise.cep(fixes["north"][good], fixes["east"][good])
+        found[name] = e.value, e.low, e.high
+    return found
 
 
 def of_flight(models, stream):
@@ -102,23 +109,6 @@ def of_flight(models, stream):
     yaw = {k: models[f"{k}-yaw"].simulate(n, FLIGHT_DT, rng) for k in ("midg", "tokimec", "kvh")}
     part = slice(round(MANOEUVRES[0] / FLIGHT_DT), n)
     return {k: float(np.std((yaw[k] - yaw["kvh"])[part])) for k in ("midg", "tokimec")}
-
-
-def of_bias(stream):
-    """Whether the Allan deviation of the terrain paper's bias alone rises to one top and falls.
-
-    Returns
-    -------
-    dict of str, bool
-        For each length, such as ``2h``: ``one_top_2h``.
-    """
-    rng, found = np.random.default_rng(stream), {}
-    b = gauss_markov(3600 * max(TERRAIN_HOURS), 1.0, TERRAIN.sigma_b, TERRAIN.corr_time, rng)
-    for hours in TERRAIN_HOURS:
-        log = b[: 3600 * hours]
-        falls = np.diff(overlapped_variance(log, cluster_sizes(len(log), POINTS))) < 0
-        found[f"one_top_{hours}h"] = not falls[0] and falls[-1] and np.sum(np.diff(falls)) == 1
-    return found
 
 
 def terrain_log(stream):
@@ -155,9 +145,8 @@ def subjects():
     jobs = {name: (partial(of_channel, model), LOGS) for name, model in models.items()}
     jobs["flight-yaw"] = (partial(of_flight, models), LOGS)
     for row in store.published("comparison-cep").itertuples():
-        reader = partial(of_receiver, row.cep_m, row.differential == "yes")
-        jobs[f"cep-{row.receiver.split()[0].lower()}"] = (reader, LOGS)
-    jobs["terrain-bias"] = (of_bias, LOGS)
+        name = row.receiver.split()[0].lower()
+        jobs[f"cep-{name}"] = (partial(of_receiver, row.cep_m), LOGS)
     return jobs | {"terrain-recipe": (by_recipe, LOGS)}
 
 

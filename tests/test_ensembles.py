@@ -7,7 +7,7 @@ import pytest
 from analysis import WrongUsage, claims, store
 from studies import ensembles
 
-LIVE = {"midg-roll": 1, "kvh-yaw": 1, "cep-midg": 5, "terrain-bias": 2, "terrain-recipe": 2}
+LIVE = {"midg-roll": 1, "kvh-yaw": 1, "cep-midg": 5, "terrain-recipe": 2}
 
 
 @pytest.mark.parametrize("name", LIVE)

@@ -180,7 +180,7 @@ def test_a_ride_is_judged_by_its_true_angle(monkeypatch):
     gnss = SimpleNamespace(speed_m_s=10 - np.abs(t - 10))
     ride = SimpleNamespace(log=None, gnss=gnss, mount_deg=130.0, first_turn_s=5.0)
     off = -np.degrees(np.arctan2(0.6, 0.8))
-    known = {"late_s": 4, "first": 1, "last": -3, "changed": 8, "sigma": 2, "sideways": 0.3}
+    known = {"late_s": 4, "first": 1, "last": -3, "changed": 8, "sigma": 2}
     known |= {"printed": [180, -5], "signed": [0, off], "alone": [1, -2], "sigmas": [3, 4]}
     found = evaluate.mounting_ride(ride)
     assert found.keys() == known.keys()

@@ -233,7 +233,6 @@ def mounting_ride(ride: Scenario, straight_s: int = Options.straight_length) -> 
         Errors of each straight by itself, arrays (deg): by eq (3) as ``printed``, by the four-
         quadrant arctangent with the sign of the speed's change (``signed``), weighted (``alone``),
         whose stated standard deviations are ``sigmas``.
-        ``sideways``: mean magnitude of the acceleration across the heading on straights, m/s^2.
     """
     track = replay(ride.log, Options(fusion=False, straight_length=straight_s))
     when, straights = track.columns["t_s"], track.straights
@@ -254,9 +253,7 @@ def mounting_ride(ride: Scenario, straight_s: int = Options.straight_length) -> 
         "alone": straights["alone_deg"].to_numpy(),
     }
     row |= {k: wrap(v - ride.mount_deg) for k, v in rules.items()}
-    row["sigmas"] = straights["sigma_deg"].to_numpy()
-    c, s = np.cos(np.radians(ride.mount_deg)), np.sin(np.radians(ride.mount_deg))
-    return row | {"sideways": np.abs(ax * s + ay * c).mean()}
+    return row | {"sigmas": straights["sigma_deg"].to_numpy()}
 
 
 def mounting_rides(
