@@ -36,7 +36,7 @@ FOUND = {
     "13": r"σ_v to (?P<sigma>±.+) or .* T_c to (?P<near>±.+) takes (?P<lengths>.+) correlation",
     "21": r"; (?P<times>\d+ R₀) errs (?P<large>.+ m), odometry alone (?P<odometry>.+ m), "
     r"four states (?P<rms>.+ m)\.",
-    "23": r"(?P<gyros>\d+) gyros .* reach (?P<error>.+ m) if the filter",
+    "23": r"(?P<gyros>\d+) gyros reach (?P<error>.+ m) if the filter",
     "34": r"constraint errs by (?P<constrained>.+ m), in 5% over (?P<worst>.+ m), "
     r"constant velocity by (?P<constant>.+ m)\.",
 }
