@@ -68,7 +68,12 @@ def pool(inferences, dt, unit, kind):
     for key, name, what in _wanted(chosen, kind):
         fits = by_model.get(name) or _fits(inferences, name)
         pairs = list(zip(inferences, fits, strict=True))
-        if what == "floor" and not all(Floor(i.likelihood, fit).reached for i, fit in pairs):
+        why = said("of_two") if "2GM" in name and what in ("corr_time", "sigma_b") else ""
+        if what == "floor":
+            seen = sum(Floor(i.likelihood, fit).reached for i, fit in pairs)
+            why = "" if seen == len(pairs) else said("floor_of_some", seen=seen, count=len(pairs))
+        if why:
+            parameters[key] = spread[key] = Estimate.refused(unit_of(key, unit), why)
             continue
         curves = [profile_of_unit(i.likelihood, fit, what) for i, fit in pairs]
         parameters[key], spread[key] = population(curves, unit_of(key, unit), name)

@@ -367,7 +367,8 @@ def test_a_folder_that_takes_no_file_is_named(option, tmp_path, monkeypatch):
     "", "nonsense", "report f9p-static", "report nothing.csv --out x", "claims no-paper",
     "report f9p-static --out x --rate fast", "data no-folder", "data --write",
     "data --rebuild no-log", "reproduce 77", "reproduce 90 -p SEED=1",
-    "reproduce 90 --scratch x -p SEED", "reproduce 90 --scratch x -p SPEED=1"])  # fmt: skip
+    "reproduce 90 --scratch x -p SEED", "reproduce 90 --scratch x -p SPEED=1",
+    "coverage --hours inf --out x"])  # fmt: skip
 def test_unknown_names_are_wrong_usage(tmp_path, monkeypatch, arguments):
     """Property: exit status 2, the word that is wrong on stderr, and nothing is made."""
     monkeypatch.chdir(tmp_path)
@@ -452,7 +453,7 @@ def test_a_second_report_from_another_folder_on_a_terminal_without_greek(tmp_pat
     assert found == files(good.folder)
 
 
-@pytest.mark.parametrize("folder", ["notebooks", "figures/mine"])
+@pytest.mark.parametrize("folder", ["", "notebooks", "figures/mine"])
 def test_a_what_if_run_stays_out_of_the_project(folder):
     """Property: --scratch refuses the folders of the project before anything runs."""
     status, out, err = run("reproduce", "14", "--scratch", ROOT / folder)

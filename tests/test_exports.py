@@ -66,9 +66,9 @@ def rms(values):
     return np.sqrt(np.mean(np.square(values)))
 
 
-def gyroscope(content):
+def gyroscope(content, **given):
     """Sort the gyroscope of a model.json into x, y and z."""
-    return exports.sort_triads(content)[0]["gyroscope"]
+    return exports.sort_triads(content, **given)[0]["gyroscope"]
 
 
 # --- each file as its tool reads it, each tool as its source has it ------------------------------
@@ -319,6 +319,30 @@ def test_what_is_fitted_beside_the_noise_is_in_no_stand_in():
     assert exports.stand_in(channel, source, N) is None
 
 
+def test_two_processes_have_a_stand_in():
+    """property: files have room for one, and the longer alone would leave out the other."""
+    log = stored.read_model("adis16405")
+    channel, slow = log["channels"][0], {"sigma_b": 1e-3, "corr_time": 300.0}
+    for key, value in slow.items():
+        was = channel["parameters"][key]
+        was |= {"value": value, "low": value / 2, "high": 2 * value, "resolved": True}
+    for count, stands_in in ((1, []), (2, ["slow"])):
+        terms = {key: [value] * count for key, value in slow.items()}
+        channel["models"] = [{"chosen": True, "terms": terms | {"sigma_v": [1.0]}}]
+        axis = gyroscope(log | {"channels": [channel]}).axes["x"]
+        assert axis["stands_in"] == stands_in
+        assert gyroscope(log | {"channels": [channel]}, strict=True).axes["x"]["stands_in"] == []
+
+
+def test_a_name_with_dashes_leaves_xml():
+    """property: a comment holds no two dashes in a row, whatever the log is called."""
+    content = model()
+    content["source"]["file"] = "2024-05-01---stone--.csv"
+    texts = exports.files(content)
+    for name in ("gazebo_classic_imu.sdf", "gz_sim_imu.sdf"):
+        ET.fromstring(texts[name])
+
+
 def test_a_stand_in_counts_where_no_axis_resolves_more():
     """property: one number a triad is of the axes that resolve their slow noise."""
     x = {"N": 1.0, "walk": 5.0, "sigma_b": 5.0, "corr_time": 2.0, "stands_in": ["slow"]}
@@ -367,7 +391,8 @@ def test_other_axes_stand_in_for_none():
 
 @pytest.mark.parametrize("names, letters", [
     ("gyro_x gyro_y gyro_z", "xyz"), ("gz gx", "zx"), ("yaw_rate roll_rate pitch_rate", "zxy"),
-    ("X-rate", "x"), ("a b c", "xyz"), ("a b c d", None), ("g1_x g2_x", None)])  # fmt: skip
+    ("X-rate", "x"), ("a b c", "xyz"), ("a b c d", None), ("g1_x g2_x", None),
+    ("trolley_gyro_x trolley_gyro_y", "xy"), ("gyr_y gyr_z gyr", None)])  # fmt: skip
 def test_axes_are_told_by_name(names, letters):
     """Property: x, y, z or roll, pitch, yaw in the name; else the order of up to three."""
     triads, left_out = exports.sort_triads(model(*[channel() | {"name": n} for n in names.split()]))

@@ -160,7 +160,7 @@ def test_what_a_date_or_a_clock_without_seconds_means(form, unit, zero, said):
     """Property: the day first with dots; the month, with a note, where nothing tells it."""
     texts = np.array([form.format(k) for k in (3, 4, 5)], dtype=object)
     if unit:
-        refused(WrongUsage, "--time-unit s, or else min", times.stamps, "time", texts)
+        refused(WrongUsage, "--time-unit s, or min", times.stamps, "time", texts)
     else:
         zero = zero.replace(tzinfo=datetime.UTC).timestamp()
     found = times.stamps("time", texts, unit)

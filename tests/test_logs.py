@@ -101,6 +101,8 @@ def test_a_log_without_header_is_read_by_column_numbers(tmp_path):
     assert [c.name for c in log.channels] == ["c3", "c2"]
     assert (log.rate_hz, log.duration_s, log.dt) == (50, 4.0, 0.02)
     np.testing.assert_array_equal(values(logs.read(path, time=1, unit="rad/s"))[::-1], values(log))
+    both = logs.read(path, rate=50, columns="3,2", unit="rad/s")
+    np.testing.assert_array_equal(values(both), values(log))
 
 
 def test_start_and_stop_cut_by_seconds_from_the_first_row(tmp_path):

@@ -165,6 +165,32 @@ def test_pool_writes_what_it_prints(tmp_path, axes, capsys):
     assert "between units" in out and str(tmp_path) not in json.dumps(found)
 
 
+def test_a_line_in_temperature_is_no_noise_of_the_units(tmp_path, capsys):
+    """property: as in the report of each; without the column its walk is what is pooled."""
+    walk = 20 + np.cumsum(np.random.default_rng(8).standard_normal(3000)) / 30
+
+    def warmed(xy):
+        return np.column_stack([xy[:, 0] + 0.5 * walk, walk])
+
+    for k, (name, model) in enumerate({"temperature_degC": "N", "state": "N+K"}.items()):
+        names = "gyro_x_deg_s", name
+        logs = [write(tmp_path / f"{k}{s}.csv", s, names, change=warmed) for s in range(2)]
+        found, _ = pooled(capsys, tmp_path / str(k), *logs)
+        assert found["channels"][0]["model"] == model
+
+
+def test_a_floor_of_some_units_is_said(tmp_path, capsys):
+    """property: of a pool with one white log no B is given, nor left out in silence."""
+    walk = np.cumsum(np.random.default_rng(8).standard_normal((3000, 2)), axis=0) / 30
+    logs = [write(tmp_path / f"{s}.csv", s, change=lambda xy: xy + walk) for s in range(2)]
+    for more, seen in (([], 2), ([write(tmp_path / "9.csv", 9)], 2)):
+        found, _ = pooled(capsys, tmp_path / f"{len(more)}", *logs, *more)
+        B = found["channels"][0]["parameters"]["bias_instability"]
+        assert B["resolved"] == (not more)
+        some = said("floor_of_some", seen=seen, count=2 + len(more))
+        assert (B["note"] == some) == bool(more)
+
+
 @pytest.mark.parametrize(("names", "dt", "says"), [
     (["gyro_x_deg_s", "gyro_y_deg"], DT, "rate in deg/s, and gyro_y of"),
     (["gyro_x_deg_s", "gyro_y_rad_s"], DT, "rate in rad/s; pool logs of one kind and unit"),

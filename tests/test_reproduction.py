@@ -6,6 +6,7 @@ import os
 import re
 import sys
 import time
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,6 +16,7 @@ import nbformat
 import psutil
 import pytest
 import traitlets
+from nbclient.exceptions import CellExecutionError
 from PIL import Image
 from refused import refused
 from test_citation import run_git
@@ -133,10 +135,11 @@ def small_notebook(folder, draw=DRAW, own="None"):
     return folder / "99-small.ipynb"
 
 
-def fail(path, _, to, *more):
+def fail(path, _, to, *more, name="ValueError"):
     """Fail as a notebook does that has drawn its first figure."""
     (to / "99-first.csv").write_text("half")
-    raise CannotAnswer(f"{path.name}: a cell failed: ValueError: negative")
+    cause = CellExecutionError("", name, "negative")
+    raise CannotAnswer(f"{path.name}: a cell failed: {name}: negative") from cause
 
 
 def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypatch):
@@ -169,6 +172,11 @@ def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypat
         with pytest.raises(WrongUsage, match=r"-p SIZE=-1: 99-small\.ipynb: a cell failed"):
             reproduce.reproduce(scratch=other, parameters={"SIZE": -1})
     assert content(*other.rglob("*.*")) == made
+    for name in ("CannotAnswer", "Moving"):
+        with monkeypatch.context() as patch:
+            patch.setattr(reproduce, "execute", partial(fail, name=name))
+            with pytest.raises(CannotAnswer, match="a cell failed"):
+                reproduce.reproduce(scratch=other, parameters={"SIZE": -1})
     with pytest.raises(WrongUsage, match=r"no parameter 'WIDTH' .* there are: OWN, SIZE"):
         reproduce.reproduce(scratch=tmp_path / "none", parameters={"WIDTH": 2.0})
     assert not (tmp_path / "none").exists()

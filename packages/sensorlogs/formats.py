@@ -289,8 +289,10 @@ def contents(
         title = f"{part.name}: {counted(rows, 'row')}"
         with contextlib.suppress(CannotAnswer, WrongUsage):
             since = times.of_table(table)[1].since_s
-            span = float(np.nanmax(since) - np.nanmin(since))
-            title += f", {span:.6g} s, {(rows - 1) / span:.6g} Hz" if span > 0 else ""
+            span, steps = float(np.nanmax(since) - np.nanmin(since)), np.diff(since)
+            near = steps[steps < 2 * np.nanmedian(steps)]  # without the gaps
+            rate = len(near) / near.sum() if near.sum() > 0 else (rows - 1) / max(span, 1e-9)
+            title += f", {span:.6g} s, {rate:.6g} Hz" if span > 0 else ""
         listing.append((title, told))
     return listing, errors
 

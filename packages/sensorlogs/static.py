@@ -173,6 +173,7 @@ def read(
     name, stanza, path = find(log)
     check_unit(name, stanza, unit)
     given: dict = {"rate_hz": rate, "time": time, "time_unit": time_unit, "from": start, "to": stop}
+    columns = columns.split(",") if isinstance(columns, str) else columns
     given |= {"unit": unit, "kind": kind, "scale": scale, "table": table, "columns": columns}
     option = stanza | {key: value for key, value in given.items() if value is not None}
     rows = formats.read_table(path, option)

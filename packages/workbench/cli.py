@@ -176,7 +176,8 @@ def reproduce(notebooks=None, scratch=None, parameters=None):
     if parameters and not scratch:
         raise WrongUsage("-p goes with --scratch DIR: figures/ holds what the notebooks state")
     kept = ("analysis", "data", "figures", "notebooks", "packages", "studies", "tests")
-    if scratch and any(Path(scratch).resolve().is_relative_to(ROOT / name) for name in kept):
+    there = Path(scratch or "").resolve()
+    if scratch and (there == ROOT or any(there.is_relative_to(ROOT / name) for name in kept)):
         raise WrongUsage(f"--scratch {scratch}: the project keeps its files there; name another")
     values = dict(map(_parameter, parameters or ()))
     start = perf_counter()
@@ -558,7 +559,7 @@ def coverage(
 def _hours(text):
     """Read lengths in hours."""
     hours = _numbers(text, ",")
-    if not hours or not all(h > 0 for h in hours):
+    if not hours or not all(0 < h < 1e5 for h in hours):
         raise WrongUsage(f"--hours {text}: write numbers above zero with commas, such as 2,6")
     return hours
 

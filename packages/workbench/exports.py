@@ -331,7 +331,9 @@ def _axis(channel, source, strict):
     slow = {"sigma_b": estimate("sigma_b", unit, si, factor)}
     slow["T_c"] = estimate("corr_time", "s", "s", 1.0)
     bias = tuple(e.value for e in slow.values()) if all(e.resolved for e in slow.values()) else None
-    lacks = {"N": N.value is None, "slow": not (bias or K.value)}
+    chosen = [m["terms"] for m in channel.get("models", ()) if m.get("chosen") and "terms" in m]
+    two = not strict and any(len(terms.get("sigma_b", ())) > 1 for terms in chosen)
+    lacks = {"N": N.value is None, "slow": two or not (bias or K.value)}  # files have one
     as_seen = None if strict or not any(lacks.values()) else stand_in(channel, source, N.value)
     if as_seen and lacks["slow"]:
         bias = as_seen[1:3]
@@ -391,7 +393,7 @@ def stand_in(channel, source, white):
         return None
     dt, fit = 1 / source["rate_hz"], channel.get("fit", {})
     if fit.get("terms") or any(d["kind"] == "oscillation" for d in fit.get("disturbances", ())):
-        chosen = next(m for m in channel["models"] if m["chosen"])
+        (chosen,) = (m for m in channel["models"] if m["chosen"])
         factor *= adev_of_terms(chosen["terms"], tau, dt) / adev
     low, adev, high = factor * low, factor * adev, factor * high
     band = np.log(high / low)
@@ -430,8 +432,9 @@ def _letters(names):
     """Axis of each channel, by name or, for nameless ones, by order; None if they are no triad."""
     letters = []
     for name in names:
-        turn = next((axis for word, axis in _TURNS.items() if word in name.lower()), None)
+        turns = (axis for word, axis in _TURNS.items() for w in words(name) if w.startswith(word))
+        turn = next(turns, None)
         letters.append(turn or next((w for w in words(name)[::-1] if w in AXES), None))
-    if None in letters and len(names) <= 3:
+    if not any(letters) and len(names) <= 3:
         return "xyz"[: len(names)]
     return None if None in letters or len(set(letters)) < len(letters) else letters

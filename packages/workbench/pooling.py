@@ -55,7 +55,8 @@ def write(logs, out, *, axes=False):
                 rng = np.random.default_rng(next(streams))
                 try:
                     refuse_without_noise(c.values, log.dt, c.name, c.unit)
-                    inferences.append(infer(c.values, log.dt, c.unit, c.kind, rng))
+                    known = {"temperature": log.temperature}
+                    inferences.append(infer(c.values, log.dt, c.unit, c.kind, rng, **known))
                 except CannotAnswer as error:
                     raise CannotAnswer(f"{log.given}, {error}") from error
                 bar.update()

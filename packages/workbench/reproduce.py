@@ -127,7 +127,8 @@ def reproduce(names=(), *, scratch=None, parameters=None):
         try:
             return _run(tasks, draft / "figures", draft)
         except CannotAnswer as error:  # an answer that the data refuse stays one
-            if not parameters or getattr(error.__cause__, "ename", "") == CannotAnswer.__name__:
+            refused = getattr(error.__cause__, "ename", "") in ("CannotAnswer", "Moving")
+            if refused or not parameters:
                 raise
             given = " ".join(f"-p {name}={value}" for name, value in parameters.items())
             raise WrongUsage(f"{given}: {error}") from error
