@@ -478,6 +478,8 @@ def test_export_of_a_file(tmp_path):
     path.write_text(json.dumps(model()))
     assert set(exports.export(path, out)) == {*exports.TITLES, "README.md"}
     assert {p.name for p in out.iterdir()} == {*exports.TITLES, "README.md"}
+    (tmp_path / "README.md").write_text("# My robot")
+    refused(WrongUsage, "name another folder", exports.export, path, tmp_path)
     path.write_text(json.dumps(model(channel() | {"kind": "angle", "name": "roll"})))
     before = {p.name: p.read_bytes() for p in out.iterdir()}
     refused(CannotAnswer, r"nothing to export; .*roll is of kind angle", exports.export, path, out)

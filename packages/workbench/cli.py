@@ -490,7 +490,8 @@ def plan(rate, white, sigma=None, time=None, flicker=None, walk=None, within=20.
 
     Take the numbers from a datasheet or a first log, in the sensor's own unit U (deg/s, g ...);
     white noise as its density N in U*sqrt(s). `report` prints the same for the log that it
-    characterises.
+    characterises. The hours are those of a model that is known: a log that has to tell which it is
+    takes longer.
     """
     from analysis import text
     from analysis.noise import planner

@@ -201,6 +201,9 @@ def export(path, out, *, strict=False):
     found = told(texts)
     if not found["exported"]:
         raise CannotAnswer(f"{path}: nothing to export; {'; '.join(found['absent'])}")
+    there = Path(out, "README.md")
+    if there.is_file() and not there.read_text("utf-8", "replace").startswith("# Noise of "):
+        raise WrongUsage(f"{there} is no export's and would be written over: name another folder")
     with pages.folder(out, map(Path, TITLES)) as draft:
         pages.put(draft, texts)
     return list(texts)
