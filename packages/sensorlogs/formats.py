@@ -289,8 +289,9 @@ def contents(
         title = f"{part.name}: {counted(rows, 'row')}"
         with contextlib.suppress(CannotAnswer, WrongUsage):
             since = times.of_table(table)[1].since_s
-            span, steps = float(np.nanmax(since) - np.nanmin(since)), np.diff(since)
-            near = steps[steps < 2 * np.nanmedian(steps)]  # without the gaps
+            since = since[np.isfinite(since)]
+            span, steps = float(np.ptp(since)), np.diff(since)
+            near = steps[steps < 2 * np.median(steps)] if span > 0 else steps  # without the gaps
             rate = len(near) / near.sum() if near.sum() > 0 else (rows - 1) / max(span, 1e-9)
             title += f", {span:.6g} s, {rate:.6g} Hz" if span > 0 else ""
         listing.append((title, told))
