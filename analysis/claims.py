@@ -180,7 +180,7 @@ def counted() -> text.Shown:
     return text.Shown(
         f"The papers make {claimed} claims; {n.sum()} are independent (each computation once,"
         f" history left out). {agree} of these are reproduced, {n[REPRODUCED]} of them without a"
-        f" condition (such as that the sensor is its printed model; several choices that a paper"
+        " condition (such as that the sensor is its printed model; several choices that a paper"
         f" leaves open may reverse them together); {differ} are not,"
         f" {n[NOT_REPRODUCED]} without one; {n[UNDECIDABLE]} are left open by the data or logs"
         f" as long as the papers', {n[NOT_TESTABLE]} need data not at hand; {n[BY_CONSTRUCTION]}"

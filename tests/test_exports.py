@@ -317,6 +317,9 @@ def test_what_is_fitted_beside_the_noise_is_in_no_stand_in():
     channel["fit"]["terms"] = [{"kind": "step", "parameters": {}}]
     channel["models"] = [{"chosen": True, "terms": {"sigma_v": [white]}}]
     assert exports.stand_in(channel, source, N) is None
+    channel["models"][0]["chosen"] = False
+    with pytest.raises(ValueError, match="none of its models is chosen"):
+        exports.stand_in(channel, source, N)
 
 
 def test_two_processes_have_a_stand_in():

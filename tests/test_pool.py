@@ -183,11 +183,11 @@ def test_a_floor_of_some_units_is_said(tmp_path, capsys):
     """property: of a pool with one white log no B is given, nor left out in silence."""
     walk = np.cumsum(np.random.default_rng(8).standard_normal((3000, 2)), axis=0) / 30
     logs = [write(tmp_path / f"{s}.csv", s, change=lambda xy: xy + walk) for s in range(2)]
-    for more, seen in (([], 2), ([write(tmp_path / "9.csv", 9)], 2)):
+    for more in ([], [write(tmp_path / "9.csv", 9)]):
         found, _ = pooled(capsys, tmp_path / f"{len(more)}", *logs, *more)
         B = found["channels"][0]["parameters"]["bias_instability"]
         assert B["resolved"] == (not more)
-        some = said("floor_of_some", seen=seen, count=2 + len(more))
+        some = said("floor_of_some", seen=2, count=2 + len(more))
         assert (B["note"] == some) == bool(more)
 
 

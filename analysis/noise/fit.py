@@ -209,8 +209,8 @@ class NoiseLikelihood:
             None on a side that the data do not bound.
         """
         along, offset = direction(fit, what)
-        top = self.surface(fit.names), fit.point, fit.log_likelihood
-        ends = interval(*top, along, threshold=fall)
+        surface = self.surface(fit.names)
+        ends = interval(surface, fit.point, fit.log_likelihood, along, threshold=fall)
         low, high = (None if end is None else float(np.exp(end + offset)) for end in ends)
         # Of a bias that may last for ever the log has only its walk, sigma_b sqrt(2 / T): sigma_b
         # would end where the times end that are tried.

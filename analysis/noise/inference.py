@@ -251,8 +251,9 @@ class Inference:
             few = said("few_low") if times < SELECTED else ""
             return {what: self._of_bias(what, note, few) for what in ("corr_time", "sigma_b")}
         if "rrw" in terms:  # a bias whose correlation time has no upper end
-            unified, why, ends = self.similar(UNIFIED), said("as_a_walk"), self.likelihood.interval
-            low, least = (ends(unified, what)[0] for what in ("corr_time", "sigma_b"))
+            unified, why = self.similar(UNIFIED), said("as_a_walk")
+            low, _ = self.likelihood.interval(unified, "corr_time")
+            least, _ = self.likelihood.interval(unified, "sigma_b")
             if low is not None:
                 why += said("as_a_walk_most", times=_count(duration / low))
             no_size, bounds = said("time_open", why=why), {"low": least}
@@ -263,8 +264,10 @@ class Inference:
             why, longest = said("no_bias"), duration / PART
             no_size = listed(why, said("no_bias_bound", longest=longest))
             bounds = {"high": self.likelihood.hidden_bias(self.chosen, longest)}
-        time, size = Estimate.refused("s", why, low=low), (self.unit, no_size)
-        return {"corr_time": time, "sigma_b": Estimate.refused(*size, **bounds)}
+        return {
+            "corr_time": Estimate.refused("s", why, low=low),
+            "sigma_b": Estimate.refused(self.unit, no_size, **bounds),
+        }
 
     def _of_bias(self, what, note, few):
         chosen = self.chosen

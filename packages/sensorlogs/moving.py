@@ -402,10 +402,7 @@ class _Rows:
                     f"lat_rad={self.names['lat']},lon_rad={self.names['lon']}"
                 )
             said = f"the positions move {factor:.2f} times as fast as the speed says"
-            wrong, way = (
-                "speed_m_s",
-                "its unit is another one (say --columns speed_km_h=COLUMN)",
-            )
+            wrong, way = "speed_m_s", "its unit is another one (say --columns speed_km_h=COLUMN)"
         elif astray > timeline.ASTRAY:
             said = f"the positions go {astray:.0f}° off the course, at the median"
             wrong, way = "course_deg", "another angle or unit (say --columns course_rad=COLUMN)"

@@ -530,7 +530,7 @@ def coverage(
 
     Simulates logs of known sensors, the eight of the papers and five others (flicker, walk,
     two-biases, weak-bias, weak-walk), fits each, and counts how often an interval holds the true
-    value: about an hour on two cores. --runs, --hours and --models go with this study and with
+    value: about two hours on two cores. --runs, --hours and --models go with this study and with
     broken, --runs, --models and --entry with beside. A table that exists with as many logs is kept,
     so a study that was stopped resumes.
     """

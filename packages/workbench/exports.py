@@ -335,8 +335,9 @@ def _axis(channel, source, strict):
     slow["T_c"] = estimate("corr_time", "s", "s", 1.0)
     bias = tuple(e.value for e in slow.values()) if all(e.resolved for e in slow.values()) else None
     chosen = [m["terms"] for m in channel.get("models", ()) if m.get("chosen") and "terms" in m]
+    # Files have room for one process: the longer of two alone would leave out the other.
     two = not strict and any(len(terms.get("sigma_b", ())) > 1 for terms in chosen)
-    lacks = {"N": N.value is None, "slow": two or not (bias or K.value)}  # files have one
+    lacks = {"N": N.value is None, "slow": two or not (bias or K.value)}
     as_seen = None if strict or not any(lacks.values()) else stand_in(channel, source, N.value)
     if as_seen and lacks["slow"]:
         bias = as_seen[1:3]
@@ -396,7 +397,9 @@ def stand_in(channel, source, white):
         return None
     dt, fit = 1 / source["rate_hz"], channel.get("fit", {})
     if fit.get("terms") or any(d["kind"] == "oscillation" for d in fit.get("disturbances", ())):
-        (chosen,) = (m for m in channel["models"] if m["chosen"])
+        chosen = next((m for m in channel["models"] if m["chosen"]), None)
+        if chosen is None:
+            raise ValueError("none of its models is chosen")
         factor *= adev_of_terms(chosen["terms"], tau, dt) / adev
     low, adev, high = factor * low, factor * adev, factor * high
     band = np.log(high / low)
