@@ -524,8 +524,13 @@ class Judged:
         ]
         return pd.DataFrame(rows, columns=["factor", "level", "interpretations", "holds"])
 
-    def joint(self) -> pd.DataFrame:
+    def joint(self, claims: Sequence[str] | slice = slice(None)) -> pd.DataFrame:
         """Rank the interpretations by how many claims hold at once.
+
+        Parameters
+        ----------
+        claims : sequence of str, optional
+            Those that count; all if left out.
 
         Returns
         -------
@@ -533,7 +538,7 @@ class Judged:
             ``holds``, ``fails``, ``open``: numbers of claims, and the levels; the most first, then
             the fewest failures, then the fewest levels that differ from the reference.
         """
-        table = pd.DataFrame({name: of.sum(axis=1) for name, of in self._said().items()})
+        table = pd.DataFrame({k: of.loc[:, claims].sum(axis=1) for k, of in self._said().items()})
         away = (self.levels != pd.Series(asdict(Interpretation()))).sum(axis=1)
         keys = pd.DataFrame({"fewer": -table["holds"], "fails": table["fails"], "away": away})
         order = keys.sort_values([*keys], kind="stable").index
