@@ -57,7 +57,7 @@ def redrawn(name):
     """
     found, papers = [], {}
     for row in _published("coverage.csv").itertuples():
-        if name in str(row.figures).split(";"):
+        if name == row.figures:
             papers = papers or {p["abbreviation"]: p for p in citation_file()["references"]}
             paper = papers[f"{row.paper} paper"]
             names = [author.get("family-names") for author in paper["authors"]]

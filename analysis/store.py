@@ -140,6 +140,7 @@ def _values(path):
         return dict(_flat(json.loads(path.read_text(encoding="utf-8"))))
     table = pd.read_csv(path)
     keys = [c for c in table.select_dtypes(exclude="number") if c not in ("unit", "note")]
+    keys = keys if len(keys) < table.shape[1] else []  # of words alone: each column is compared
     groups = table.groupby(keys, sort=False, dropna=False) if keys else [((), table)]
     return {
         " ".join(["column", column, *map(str, group)]): rows[column]

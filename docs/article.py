@@ -61,7 +61,7 @@ def ledger() -> dict[str, dict]:
         entry["verdict"] = re.sub(way, "the interval is partly outside the range", row["verdict"])
         share = re.search(r"gives it in (\S+ %)", row["verdict"])
         entry["share"] = share[1] if share else ""
-        for column in ("as_the_paper_did", "as_a_car_does"):
+        for column in claims.WAYS:
             entry[column] = "" if pd.isna(row[column]) else row[column]
         found[claim] = {k: spelled(v) if isinstance(v, str) else v for k, v in entry.items()}
         found[claim]["notebook"] = row["notebook"]
@@ -95,7 +95,7 @@ def counted() -> dict[str, int]:
     once = claims.independent()
     lacking = once.loc[once["outcome"] == claims.NOT_TESTABLE, "verdict"]
     both = once[once["as_a_car_does"].notna()]
-    ways = {c: both[c].str.partition(";")[0] for c in ("as_the_paper_did", "as_a_car_does")}
+    ways = {c: both[c].str.partition(";")[0] for c in claims.WAYS}
     said = {
         "claims": len(verdicts), "both": len(both), "logs": claims.FEWEST_LOGS,
         "same both ways": (ways["as_the_paper_did"] == ways["as_a_car_does"]).sum(),

@@ -6,7 +6,6 @@ computed vertical. The gravity that a phone computes can be off itself: over a d
 is left of the specific force, to some tenths of a degree, so it is turned onto the mean of that.
 """
 
-import importlib.metadata
 from functools import partial
 from itertools import product
 from unittest.mock import patch
@@ -16,7 +15,7 @@ import pandas as pd
 import pymap3d
 from scipy.spatial.transform import Rotation
 
-from analysis import CannotAnswer, resampling, store, wrap
+from analysis import resampling, store, wrap
 from analysis.tracker import attitude
 from analysis.tracker.device import Options
 from analysis.tracker.doubt import Doubted
@@ -26,7 +25,7 @@ from analysis.tracker.log_replay import replay
 from sensorlogs import datasets
 from sensorlogs.timeline import Timeline
 from studies import rides, several_units
-from studies.cells import Cell, tabulate
+from studies.cells import Cell, tabulate, versions
 
 FOLDER = store.FOLDER / "attitude"
 SETTLED_S = 30.0  # s from the start that are not judged
@@ -227,16 +226,11 @@ def study(folder=FOLDER, **where):
     **where
         As for `studies.cells.compute`.
     """
-    try:
-        versions = {"ahrs": importlib.metadata.version("ahrs")}
-    except importlib.metadata.PackageNotFoundError as error:
-        raise CannotAnswer("ahrs is not installed: pip install ahrs") from error
     source = {
         "title": "Attitude by the tracker and by ahrs, on logs with a reference",
         "made_by": "python -m analysis coverage attitude --out FOLDER",
-        "versions": versions,
+        "versions": versions("ahrs"),
     }
     files = [file for _, file in CASES.values()]
-    tables = {"errors": Cell(judged, [*CASES], chosen, {})}
-    tables["stated"] = Cell(stated, [*CARS], pd.DataFrame, {})
+    tables = {"errors": Cell(judged, [*CASES], chosen), "stated": Cell(stated, [*CARS])}
     tabulate(folder, source | datasets.origin(*files), tables, **where)

@@ -17,7 +17,6 @@ A *silent error* is a value off by more than 20 %, what notebook 13 wants of an 
 interval that holds the truth and without a warning. Any value of a term that is not there is off.
 """
 
-import importlib.metadata
 import json
 import os
 import shlex
@@ -36,6 +35,7 @@ from analysis.noise import characterise
 from analysis.noise.inference import INSTEAD
 from analysis.terrain import share
 from studies import coverage
+from studies.cells import versions
 from studies.entries import COMPARED, OTHERS
 
 FOLDER = store.FOLDER / "beside-others"
@@ -214,10 +214,6 @@ def study(folder=FOLDER, *, entries=(), names=None, runs=None, **where):
     **where
         As for `studies.cells.compute`.
     """
-    try:
-        versions = {peer: importlib.metadata.version(peer) for peer in PEERS}
-    except importlib.metadata.PackageNotFoundError as error:
-        raise CannotAnswer(f"{error.name} is not installed; `make install` installs it") from error
     commands = dict(entry.partition("=")[::2] for entry in entries)
     for name, command in commands.items():
         if name in ("", OURS, *OTHERS) or not {"{log}", "{answer}"} <= set(command.split()):
@@ -226,12 +222,9 @@ def study(folder=FOLDER, *, entries=(), names=None, runs=None, **where):
         "title": "This package beside other ways to read a static log",
         "made_by": "python -m analysis coverage beside --out FOLDER",
         "seed": coverage.SEED,
-        "versions": versions,
+        "versions": versions(*PEERS),
         "entries": commands,
     }
-    there = (folder / "source.json").exists() and store.read(folder.resolve()).source
-    if there and there["entries"] != commands:
-        raise WrongUsage(f"{folder} has the answers of other entries: name another --out")
     known = {name: (coverage.models() | coverage.broken())[name] for name in SENSORS}
     planned = [(name, HOURS, runs or SENSORS.get(name, 1)) for name in names or SENSORS]
     work = partial(simulated, entries=tuple(commands.items()))

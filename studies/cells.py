@@ -6,7 +6,9 @@ result to a file of its own as soon as it is there, in one step: the end of any 
 nothing, and two runs in one folder do the same work twice. `tabulate` makes a CSV of many results.
 """
 
+import importlib.metadata
 import shutil
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import chain
@@ -24,6 +26,7 @@ from analysis import CannotAnswer, WrongUsage, replacing, store
 DIGITS = 5  # of the numbers in a table
 AHEAD = 3  # pieces of work handed out for each core
 PATIENCE = "10s"  # until a scheduler counts as absent
+ALONE = threading.Lock()  # work may patch a module, and a dask worker has threads
 
 
 def compute(
@@ -68,8 +71,23 @@ def compute(
             ) from error
 
 
+def versions(*packages: str) -> dict[str, str]:
+    """Give the versions of packages that a study runs.
+
+    Raises
+    ------
+    CannotAnswer
+        If one is not installed.
+    """
+    try:
+        return {name: importlib.metadata.version(name) for name in packages}
+    except importlib.metadata.PackageNotFoundError as error:
+        raise CannotAnswer(f"{error.name} is not installed: pip install {error.name}") from error
+
+
 def _numbered(work, k, item):
-    return k, work(item)
+    with ALONE:
+        return k, work(item)
 
 
 @contextmanager
@@ -160,6 +178,10 @@ def tabulate(
     **where
         ``workers``, ``scheduler`` of `compute`.
     """
+    there = (folder / "source.json").exists() and store.read(folder.resolve()).source
+    other = [k for k in ("title", "runs", "entries") if there and there.get(k) != source.get(k)]
+    if other:
+        raise WrongUsage(f"{folder} has a study with other {other[0]}: name another --out")
     store.write(folder, source, {})
     with tqdm(total=sum(len(c.items) for c in cells.values()), unit="log", disable=None) as bar:
         for name, cell in cells.items():

@@ -94,7 +94,7 @@ def receiver_operating(
         Statistic of each epoch, smaller at rest; NaN counts as large.
     stopped, moving : ndarray of bool, shape (n,)
     points : int
-        Thresholds: quantiles of the values of both.
+        Thresholds: quantiles of the values of both, and closer ones up to 5 %, where limits lie.
 
     Returns
     -------
@@ -103,7 +103,7 @@ def receiver_operating(
     """
     values = np.where(np.isfinite(values), values, np.inf)
     both = [values[at][np.isfinite(values[at])] for at in (stopped, moving)]
-    shares = np.linspace(0, 1, points)
+    shares = np.r_[np.linspace(0, 1, points), np.arange(0.0025, 0.05, 0.0025)]  # of false stops
     at = np.unique(np.concatenate([np.quantile(v, shares) for v in both if len(v)]))
     under = [[float((values[which] <= x).mean()) for x in at] for which in (stopped, moving)]
     return pd.DataFrame({"threshold": at, "stopped": under[0], "moving": under[1]})

@@ -122,6 +122,7 @@ def study(
         "lap_m": LAP_M,
         "levels": {name: list(of) for name, of in FACTORS.items()},
     }
+    (folder / "best.csv").unlink(missing_ok=True)  # of another run
     store.write(folder, source, tables)
     return tables["readings"]
 

@@ -86,9 +86,9 @@ def runs():
     return source, {name: store.rounded(table, 4) for name, table in tables.items()}
 
 
-def _interval(of, rng, measure=np.mean, resamples=None):
+def _interval(of, rng, measure=np.mean, resamples=RESAMPLES):
     """95 % interval of a measure, laps and draws (rows and columns) drawn again."""
-    laps, draws = (resampling.drawn(n, resamples or RESAMPLES, rng) for n in of.shape[:2])
+    laps, draws = (resampling.drawn(n, resamples, rng) for n in of.shape[:2])
     return resampling.interval(
         np.array([measure(of[np.ix_(a, b)]) for a, b in zip(laps, draws, strict=True)])
     )

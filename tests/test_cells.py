@@ -6,14 +6,16 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from refused import refused
 
-from analysis import ROOT, store
+from analysis import ROOT, WrongUsage, store
 from analysis.terrain.open_choices import FACTORS
 from studies import coverage, readings
-from studies.cells import Cell, compute, tabulate
+from studies.cells import Cell, _numbered, compute, tabulate
 from workbench.cli import main
 
 FEW = [f"{k}={of[0]}" for k, of in FACTORS.items() if k not in ("noise", "channel", "mean")]
@@ -70,7 +72,9 @@ def test_a_killed_run_loses_nothing(tmp_path):
     run.wait()
     assert not (folder / "readings.csv").exists()
     before = {path: path.stat().st_mtime_ns for path in kept}
+    (folder / "best.csv").touch()  # of another run
     readings.study(folder, **OPTIONS, workers=1)
+    assert not (folder / "best.csv").exists()
     whole = readings.study(tmp_path / "whole", **OPTIONS, workers=2)
     assert 0 < len(kept) < len(whole) and len(whole) > 4
     one, two = ((tmp_path / k / "readings.csv").read_bytes() for k in ("broken", "whole"))
@@ -83,13 +87,29 @@ def test_a_table_goes_on_and_a_finished_one_stays(tmp_path):
     paths[2].touch()
     cells = {"table": Cell(marked, paths)}
     with pytest.raises(FileExistsError):
-        tabulate(tmp_path / "out", {}, cells, workers=1)
+        tabulate(tmp_path / "out", {"title": "a"}, cells, workers=1)
     paths[2].unlink()
     for _ in range(2):
-        tabulate(tmp_path / "out", {}, cells, workers=1)
+        tabulate(tmp_path / "out", {"title": "a"}, cells, workers=1)
     (table,) = store.read(tmp_path / "out").tables.values()
     assert table.to_dict("list") == {"name": [*"abc"], "value": [0.33333] * 3}
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["source.json", "table.csv"]
+    refused(WrongUsage, "with other title", tabulate, tmp_path / "out", {"title": "b"}, cells)
+
+
+def test_work_of_one_process_takes_turns():
+    """property: on the threads of a worker of a cluster none runs beside another."""
+    running, seen = [], []
+
+    def work(k):
+        running.append(k)
+        time.sleep(0.01)
+        seen.append(len(running))
+        running.remove(k)
+
+    with ThreadPoolExecutor(4) as threads:
+        list(threads.map(_numbered, [work] * 8, range(8), range(8)))
+    assert seen == [1] * 8
 
 
 def test_errors_are_one_sentence(tmp_path, capsys):

@@ -198,6 +198,9 @@ def test_receiver_operating_curve():
     assert curve["stopped"][7.0] == 0.8
     assert curve["moving"][7.0] == pytest.approx(3 / 11)  # one without a value counts as motion
     assert (np.diff(curve, axis=0) >= 0).all()
+    many = np.arange(1000.0)  # a threshold lies close under a limit of 1 %
+    under = drives.receiver_operating(many, many % 2 == 0, many % 2 == 1)["moving"]
+    assert under[under <= 0.01].max() > 0.007
 
 
 @pytest.fixture(scope="module")

@@ -208,8 +208,11 @@ def test_rows_of_a_channel_are_compared_among_themselves(tmp_path):
         rows = {"channel": ["big", "big", "small"], "value": [1e3, 2e3, small]}
         tables = {"t": pd.DataFrame(rows), "u": pd.DataFrame({"value": [np.inf, 1e9 * small]})}
         store.write(tmp_path / name / "x", {"a": 1}, tables)
+        store.write(tmp_path / name / "y", {}, {"t": pd.DataFrame({"model": [name], "of": ["z"]})})
     differences = store.compare(tmp_path / "old" / "x", tmp_path / "new" / "x")
     assert differences == ["x, t.csv: column value small differs", "x, u.csv: column value differs"]
+    words_alone = store.compare(tmp_path / "old" / "y", tmp_path / "new" / "y")
+    assert words_alone == ["y, t.csv: column model differs"]
 
 
 @pytest.mark.parametrize("folder", [False, True])
