@@ -12,8 +12,8 @@ import sys
 
 import pandas as pd
 
-from analysis import FIGURES, ROOT, engineering, pretty
-from analysis.claims import OUTCOMES
+from analysis import FIGURES, ROOT
+from analysis.claims import OUTCOMES, _in_words
 
 OUTCOME = re.compile("|".join(sorted(OUTCOMES, reverse=True)))
 MOVED = 0.02
@@ -35,24 +35,17 @@ def ledger(revision=None):
                 else f"there is no revision {revision}"
             )
         text = run.stdout
-    table = pd.read_csv(io.StringIO(text)).set_index("id")
+    table = pd.read_csv(io.StringIO(text), dtype={"unit": str}).set_index("id")
     return table.assign(outcome=[OUTCOME.match(v)[0] for v in table["verdict"]])
-
-
-def value(row):
-    """Write a value with its interval and its unit."""
-    low, high = (engineering(row[k]) if row[k] == row[k] else "…" for k in ("low", "high"))
-    interval = f" ({low} to {high})" if (low, high) != ("…", "…") else ""
-    unit = pretty(row["unit"]) if isinstance(row["unit"], str) else ""
-    return f"{engineering(row['value'])}{interval} {unit}".strip()
 
 
 def moved(was, now):
     """Tell whether a value left its interval, or moved by more than 2 % where it had none."""
     if not (was["value"] == was["value"] and now["value"] == now["value"]):
         return False
-    if was["low"] == was["low"] and was["high"] == was["high"] and was["low"] < was["high"]:
-        return not was["low"] <= now["value"] <= was["high"]
+    low, high = was["low"], was["high"]
+    if (low == low or high == high) and low != high:  # an end that is open is NaN
+        return now["value"] < low or now["value"] > high
     return abs(now["value"] - was["value"]) > MOVED * abs(was["value"])
 
 
@@ -72,7 +65,7 @@ def tables(revision):
     numbers = [c for c in both if moved(was.loc[c], now.loc[c])]
     yield (f"\nNumbers that moved ({len(numbers)}):\n\n| claim | was | is |\n|---|---|---|")
     for claim in numbers:
-        yield (f"| `{claim}` | {value(was.loc[claim])} | {value(now.loc[claim])} |")
+        yield (f"| `{claim}` | {_in_words(was.loc[claim])} | {_in_words(now.loc[claim])} |")
     for word, of in (
         ("New", now.index.difference(was.index)),
         ("Gone", was.index.difference(both)),

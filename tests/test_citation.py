@@ -173,5 +173,5 @@ def test_changes_are_found(tmp_path, monkeypatch):
     said = list(changes.tables("v0"))
     assert said[0].startswith("Of 2 claims in both, 1 have")
     assert said[2] == "| reproduced | not reproduced if x | `a` |"
-    moved = "| `b` | 1 (0.9 to 1.1) m | 2 (1.9 to 2.1) m |"
+    moved = "| `b` | 1 m (0.9 to 1.1 m) | 2 m (1.9 to 2.1 m) |"
     assert said[4:] == [moved, "\nNew (1): `d`.", "\nGone (1): `c`."]
