@@ -30,8 +30,9 @@ with contextlib.suppress(AttributeError, TypeError, OSError):  # other systems h
 for stream in filter(None, (sys.stdout, sys.stderr)):  # none where it is closed
     stream.reconfigure(errors="replace")  # a terminal without Greek letters ends no run
 try:
-    for ending in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(ending, stop)
+    for ending in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+        if signal.getsignal(ending) != signal.SIG_IGN:  # as nohup has it
+            signal.signal(ending, stop)
     from workbench.cli import main
 
     status = main()

@@ -119,7 +119,9 @@ def save(
         text = json.dumps(origin, ensure_ascii=False)
         picture = _picture(fig, STYLE["savefig.dpi"])
         with mock.patch.object(backend_pdf, "PdfFile", _RoundedPdf):
-            fig.savefig(to / f"{name}.pdf", metadata={"CreationDate": None, "Subject": text})
+            about = {"CreationDate": None, "Subject": text}
+            fig.savefig(pdf := io.BytesIO(), format="pdf", metadata=about)
+    (to / f"{name}.pdf").write_bytes(pdf.getvalue())  # matplotlib would hide a full disk
     inside = PngInfo()
     inside.add_itxt("Description", text)
     picture.save(to / f"{name}.png", optimize=True, pnginfo=inside, dpi=(STYLE["savefig.dpi"],) * 2)

@@ -84,12 +84,12 @@ def spread(
     if few:
         note = f"{len(x) / block:.1f} blocks: too few for an interval"
     found = {}
-    for (name, own), value, of in zip(
+    for (name, own), value, of, middle in zip(
         {"mean": unit, "sd": unit, "excess_kurtosis": ""}.items(),
-        values, _statistics(_draws(x, block, rng)), strict=True,
+        values, _statistics(_draws(x, block, rng)), (np.mean(x), 0, 0), strict=True,
     ):  # fmt: skip
-        low, high = (None, None) if few else interval(of).tolist()
-        found[name] = Estimate(float(value), low, high, own, note=note)
+        low, high = (None, None) if few else (middle + interval(of)).tolist()
+        found[name] = Estimate(float(middle + value), low, high, own, note=note)
     return found
 
 
@@ -111,21 +111,22 @@ def ratio_of_spreads(
 
 
 def _draws(x, block, rng):
-    """Draw series by blocks; give the first four moments about 0 of each, shape (4, DRAWS)."""
+    """Draw series by blocks; give the first four moments of each, shape (4, DRAWS)."""
+    block = min(block, len(x))
     starts = drawn(len(x), DRAWS, rng, block)
     moments, parts = _moments(x, block), np.array_split(starts, -(-starts.size // AT_ONCE))
     return np.hstack([moments[:, part].mean(axis=2) for part in parts])
 
 
 def _moments(x, block):
-    """Mean of x, x^2, x^3 and x^4 in the block that begins at each sample, shape (4, n)."""
-    powers = np.asarray(x, dtype=float) ** np.arange(1, 5)[:, None]
+    """First four moments, about the mean of x, of the block at each sample, shape (4, n)."""
+    powers = (x - np.mean(x)) ** np.arange(1, 5)[:, None]
     sums = np.cumsum(np.hstack([np.zeros((4, 1)), powers, powers[:, :block]]), axis=1)
     return (sums[:, block : block + len(x)] - sums[:, : len(x)]) / block
 
 
 def _statistics(moments):
-    """Turn moments about 0 into mean, standard deviation and excess kurtosis."""
+    """Turn moments into mean, standard deviation and excess kurtosis."""
     m1, m2, m3, m4 = moments
     variance = np.maximum(m2 - m1**2, 1e-100)  # of a constant series
     fourth = m4 - 4 * m3 * m1 + 6 * m2 * m1**2 - 3 * m1**4

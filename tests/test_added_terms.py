@@ -258,6 +258,9 @@ def test_a_term_in_temperature_and_the_place_of_a_step():
     for guess in (499.5, 500.3, 501.2):
         step = added_terms.added_term("step", guess)
         assert coarse.placed(step).at == down.placed(step).at == pytest.approx(500.3)
+    noisy = np.random.default_rng(2).normal(size=9000) + 2 * (np.arange(9000) >= 5003)
+    logs = (added_terms.Coarse.of(noisy + offset, 0.1, 1) for offset in (0.0, 100.0))
+    assert len({log.placed(step).at for log in logs}) == 1
     four = added_terms.Coarse.of(np.where(np.arange(9000) < 2, 1.0, 0.0), 0.1, 1)
     lost = replace(four, samples=np.where(np.arange(9000) < 4, four.samples, np.nan))
     assert lost.placed(added_terms.added_term("step", 0.4)).at == pytest.approx(0.2)  # by four

@@ -300,7 +300,7 @@ def to_be_stopped(folder, script, *words, ending=signal.SIGINT):
     (folder / "program.py").unlink()
 
 
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_ctrl_c_and_kill_end_all_at_once(ending, tmp_path):
     """Property: with a draft written, a process and a thread at work: said, gone, status 130."""
     write(tmp_path)
@@ -330,16 +330,18 @@ def test_what_computes_little_starts_at_once(arguments, light):
     assert (status, err) == (0, "")
 
 
-@pytest.mark.parametrize("out", ["", "my.csv", "my.csv/mine"])
+@pytest.mark.parametrize("out", ["", "my.csv", "my.csv/mine", "lost", "~/my.csv"])
 @pytest.mark.parametrize("command", ["report", "replay", "pool", "export"])
 def test_a_folder_that_cannot_be_is_refused(command, out, tmp_path, monkeypatch):
     """Property: a file, or a shell variable that is not set, is refused before the log is read."""
     before = write(tmp_path).read_bytes()
+    (tmp_path / "lost").symlink_to("nowhere")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path))
     for log in ("my.csv", "none.csv"):
         status, printed, err = run(command, log, "--out", out)
         assert (status, printed) == (2, "") and err.startswith("wrong usage: --out")
-    assert os.listdir() == ["my.csv"] and (tmp_path / "my.csv").read_bytes() == before
+    assert {*os.listdir()} == {"my.csv", "lost"} and (tmp_path / "my.csv").read_bytes() == before
 
 
 @pytest.mark.parametrize("option", ["--out mine", "--last-position where.json"])
@@ -368,6 +370,7 @@ def test_a_folder_that_takes_no_file_is_named(option, tmp_path, monkeypatch):
     "report f9p-static --out x --rate fast", "data no-folder", "data --write",
     "data --rebuild no-log", "reproduce 77", "reproduce 90 -p SEED=1",
     "reproduce 90 --scratch x -p SEED", "reproduce 90 --scratch x -p SPEED=1",
+    "reproduce 90 --scratch x -p LOG=", "report f9p-static --out x --unit gyro=deg/s,gyro=rad/s",
     "coverage --hours inf --out x"])  # fmt: skip
 def test_unknown_names_are_wrong_usage(tmp_path, monkeypatch, arguments):
     """Property: exit status 2, the word that is wrong on stderr, and nothing is made."""
@@ -476,11 +479,13 @@ def test_a_terminal_has_lines_of_a_hundred_characters(tmp_path, good, no_picture
 @pytest.mark.parametrize(("to", "status"), [("/dev/full", 1), ("closed", 0)])
 def test_output_that_cannot_be_written(to, status):
     """property: a full disk is one sentence; a closed output is none."""
-    command = f"{sys.executable} -m analysis plan --rate 100 --white 0.004 "
-    command += ">&-" if to == "closed" else f"> {to}"
-    run = subprocess.run(command, shell=True, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert run.returncode == status and "Traceback" not in run.stderr
-    assert ("cannot answer: the output: No space left" in run.stderr) == bool(status)
+    for verb in ("plan --rate 100 --white 0.004", "--version", "plan --help"):
+        command = f"{sys.executable} -m analysis {verb} {'>&-' if to == 'closed' else f'> {to}'}"
+        run = subprocess.run(
+            command, shell=True, cwd=ROOT, capture_output=True, text=True, check=False
+        )
+        assert run.returncode == status and "Traceback" not in run.stderr
+        assert ("cannot answer: the output: No space left" in run.stderr) == bool(status)
 
 
 FULL = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (99, 99));"
@@ -488,7 +493,7 @@ FULL += "import sys, workbench.cli; sys.exit(workbench.cli.main())"
 
 
 @pytest.mark.parametrize("command", [
-    "replay data/raw/gpsd/telit-he910.log",
+    "replay data/raw/gpsd/telit-he910.log", "report f9p-static",
     "coverage --runs 2 --hours 0.1 --models midg-roll --workers 1"])  # fmt: skip
 def test_a_disk_that_is_full_while_files_are_written(command, tmp_path):
     """property: one sentence, status 1, and no file, whole or half."""

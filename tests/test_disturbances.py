@@ -250,7 +250,9 @@ def test_increments_are_those_of_their_definition():
 def made(z=(), level=(), energy=None, fourth=3.0, size=64_000):
     """Make increments of 64 pieces of 100 s with the numbers that a test looks at."""
     energy = np.ones((8, 8)) if energy is None else energy
-    return rules.Increments(np.array(z), size, energy, fourth, 1.0, level, 100.0 * np.arange(65))
+    return rules.Increments(
+        np.array(z)[None, None], size, energy, fourth, 1.0, level, 100.0 * np.arange(65)
+    )
 
 
 def test_heavy_tails_by_their_kurtosis_and_their_index():

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import sensorlogs as logs
 from analysis import DATA, CannotAnswer, WrongUsage
-from sensorlogs import catalogue, datasets, delimited, formats, nmea
+from sensorlogs import catalogue, datasets, delimited, formats, nmea, static
 
 HEADER = "t_s,gyro_x_deg_s,gyro_y_deg_s"
 
@@ -94,7 +94,7 @@ def test_every_spelling_of_a_log_reads_the_same(tmp_path, spelling):
     assert (log.samples, log.gaps, log.file) == (200, 0, "my.csv")
 
 
-def test_a_log_without_header_is_read_by_column_numbers(tmp_path):
+def test_a_log_without_header_is_read_by_column_numbers(tmp_path, monkeypatch):
     """Property: numbers count the file's columns from 1, the time among them."""
     path = write(tmp_path, lines(), header=None)
     log = logs.read(path, rate=50, columns=[3, "2"], unit="rad/s")
@@ -103,6 +103,16 @@ def test_a_log_without_header_is_read_by_column_numbers(tmp_path):
     np.testing.assert_array_equal(values(logs.read(path, time=1, unit="rad/s"))[::-1], values(log))
     both = logs.read(path, rate=50, columns="3,2", unit="rad/s")
     np.testing.assert_array_equal(values(both), values(log))
+    (one,) = logs.read(path, time=1, columns=3, unit="rad/s").channels
+    np.testing.assert_array_equal(one.values, values(log)[0])
+    mine = {
+        "file": str(path),
+        "own": False,
+        "channels": [{"column": 3, "unit": "rad/s"}],
+        "time": 1,
+    }
+    monkeypatch.setattr(static, "find", lambda _: ("mine", mine, path))
+    np.testing.assert_array_equal(logs.read("mine").channels[0].values, one.values)
 
 
 def test_start_and_stop_cut_by_seconds_from_the_first_row(tmp_path):
@@ -416,6 +426,10 @@ def test_own_logs_join_the_catalogue(tmp_path, monkeypatch):
     ('[mine]\nfile = "my.csv"\nformat = "xls"', "'xls' is not one of"),
     ('[mine]\nfile = "my.csv"\nrate_hz = "100"', "rate_hz = '100' is of the wrong type"),
     ('[mine]\nfile = "gone.csv"', "gone.csv, which is not in data/own/"),
+    ('[mine]\nfile = "my.csv"\nchannels = []', 'each channel needs column = "..."'),
+    ('[mine]\nfile = "my.csv"\nchannels = [{column=1, nam="x"}]', "closest: 'name'"),
+    ('[mine]\nfile = "my.csv"\nchannels = [{column=1, unit=5}]', "unit = 5 is of the wrong type"),
+    ('[m]\nfile = "a.csv"\nchannels = [{column=1, name="x"}, {column=2, name="x"}]', "one name"),
     ("[mine", "not valid TOML")])  # fmt: skip
 def test_a_faulty_own_catalogue_is_wrong_usage(tmp_path, monkeypatch, text, words):
     """Property: each mistake in the reader's catalogue is named."""

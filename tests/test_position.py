@@ -60,6 +60,10 @@ def test_an_interval_counts_independent_positions(least, monkeypatch):
     ends = np.array([0.5 - half, 0.5 + half]) / np.sqrt(1 - 2 / 49)
     assert not found.resolved or (found.low, found.high) == pytest.approx(tuple(ends), abs=1e-3)
     refused(CannotAnswer, "no position", cep, np.full(5, np.nan), np.zeros(5))
+    for counts_of in ("effective_samples", "_by_eighths"):  # no more than there are positions
+        monkeypatch.setattr(position, counts_of, lambda x: 8000.0)
+    many = cep(*(np.append(x, -x) for x in (radius * np.cos(turn), radius * np.sin(turn))))
+    assert many.high - many.low == pytest.approx(2 * 0.98 / np.sqrt(8000), rel=0.03)
 
 
 def test_an_outlier_is_six_deviations_from_its_neighbours():

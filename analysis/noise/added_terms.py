@@ -107,7 +107,7 @@ class AddedTerm:
         if self.kind == "sinusoid":
             reach = self.at * min(0.5, self.at / coarse.duration)
         elif what == "at" and self.kind != "warm_up":
-            reach = min(self.at, coarse.duration - self.at) - EDGE * coarse.m * coarse.dt
+            reach = min(self.at, coarse.duration - self.at) - coarse.m * coarse.dt
 
         def fall(x):
             places = {"at": self.at, "width": self.width, what: x}
@@ -251,8 +251,8 @@ class Coarse:
         total, count = np.cumsum(near[known]), np.arange(1, len(known) + 1)
         if len(known) < 4:
             return step
-        before, after = total[:-1] / count[:-1], (total[-1] - total[:-1]) / count[:0:-1]
-        between = (after - before) ** 2 * count[:-1] * count[:0:-1]
+        before, after = total[:-1] / count[:-1], (total[-1] - total[:-1]) / count[-2::-1]
+        between = (after - before) ** 2 * count[:-1] * count[-2::-1]
         return added_term("step", self.dt * float(start + known[int(np.argmax(between)) + 1]))
 
     def deviance(self, terms, noise):
@@ -423,7 +423,8 @@ class _Screen:
         left = idct(_interleaved(self.left)[:, :n], type=2, norm="ortho", axis=1)
         sums = np.cumsum(left[:, ::-1], axis=1)[:, ::-1]
         onto_y = sum(sums[:, at - width // 2 + k] for k in range(width)) / width
-        some = np.unique(np.linspace(at[0], at[-1], STEPS // min(width, 4)).round())
+        some = (1 - np.cos(np.linspace(0, np.pi, STEPS // min(width, 4)))) / 2  # close at the ends
+        some = np.unique((at[0] + (at[-1] - at[0]) * some).round())
         risen = np.clip((np.arange(n) - some[:, None] + width // 2 + 1) / width, 0.0, 1.0)
         squares = self._squares(_coefficients(risen))
         squares = np.array([np.interp(at, some, of_row) for of_row in squares])  # they are smooth

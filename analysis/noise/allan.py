@@ -219,11 +219,16 @@ def _of_blocks(totals, counts, m):
     if not count:
         return np.nan, np.nan
     variance = totals.sum() / count
-    while len(totals) > FEWEST and counts[0] < 2 * m:
+    while len(totals) > FEWEST and _few(counts, m):
         totals, counts = (x.reshape(-1, 2).sum(axis=1) for x in (totals, counts))
-    if counts[0] < 2 * m or not (counts.all() and (totals > 0).all()):
+    if _few(counts, m) or not (totals > 0).all():
         return variance, np.nan
     return variance, variance * wandering(totals / counts)
+
+
+def _few(counts, m):
+    """Whether blocks are too short for a second difference, or a gap leaves little of one."""
+    return counts.max() < 2 * m or counts.min() < counts.max() / 4
 
 
 def _pieces(begin, end, terms):

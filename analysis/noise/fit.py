@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.noise.likelihood import Likelihood, Terms, bin_variance, evaluate
-from analysis.noise.profile_likelihood import IMAGINARY, THRESHOLD, Surface, interval
+from analysis.noise.likelihood import IMAGINARY, Likelihood, Terms, bin_variance, evaluate
+from analysis.noise.profile_likelihood import THRESHOLD, Surface, interval
 from analysis.noise.spectrum import Spectrum, transform
 
 MODELS = {
@@ -254,7 +254,8 @@ class NoiseLikelihood:
         terms = replace(rows(points, fit.names), bias=((sigma_b, corr_time),))
         value = evaluate(self.spectrum, terms, detrend=self.detrend).value
         allowed = (2 * (fit.log_likelihood - value) < THRESHOLD).reshape(len(time), -1).any(axis=0)
-        return float(size[allowed].max()) if allowed.any() else float(size[0])
+        beyond = np.flatnonzero(allowed).max(initial=-1) + 1  # the first that is excluded
+        return float(size[min(beyond, len(size) - 1)])
 
     def terms(self, fit: Fit) -> Terms:
         """Give a fit's parameters as one row of `Terms`."""

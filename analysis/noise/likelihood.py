@@ -24,6 +24,7 @@ FASTEST = 0.55
 # gaps: its increments over the whole log are short by 1/2000.
 FAR = 1000.0
 ROUNDED = 1e-12  # of the largest variance: a smaller one is rounding
+IMAGINARY = 1e-20  # step of a derivative; its square is below the last digit
 FORGOTTEN = 1e-17  # of a process after a gap: less changes no digit of what follows
 
 

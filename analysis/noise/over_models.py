@@ -97,17 +97,17 @@ class Floor:
         self.tau = np.geomspace(*ends, POINTS) if ends[0] < ends[1] else np.array(ends[1:])
         # Where it is looked for stays: the lowest turn itself would jump where another one appears.
         # What the curve of the fit has lower beyond a hump is left out.
-        (curve,) = self._variance(fit.point[None], self.tau)
+        (curve,) = self._curves(fit.point[None])
         at = lowest(curve[None])[0]
         lower = np.flatnonzero(curve < curve[at])
         first, last = lower[lower < at].max(initial=-1) + 1, lower[lower > at].min(initial=POINTS)
         first += curve[first:at].argmax() if first else 0
         last = at + curve[at:last].argmax() if last < POINTS else last
-        longest, self.tau = self.tau[-1], self.tau[first : last + 1]
+        self.tau = self.tau[first : last + 1]
         (self.at,), (variance,) = self._lowest(fit.point[None])
         self.value = float(np.sqrt(variance) / FLICKER)
-        white = likelihood.terms(fit).sigma_v[0] ** 2 * likelihood.spectrum.dt / self.at
-        self.reached = self.at < longest or bool(white < variance / 2)
+        beside = self._variance(fit.point[None], self.at * np.array([0.99, 1.01]))
+        self.reached = bool(abs(np.diff(np.log(beside))) < 0.01)  # slope 1/2: half of white noise
 
     def _lowest(self, points):
         """Averaging time and Allan variance of the floor under rows of parameters, shape (rows,).
@@ -115,7 +115,7 @@ class Floor:
         Between the averaging times of the grid the minimum is that of a parabola: a floor that
         jumped from one to the next would be found in other places on other processors.
         """
-        variance, last = self._variance(points, self.tau).real, len(self.tau) - 1
+        variance, last = self._curves(points), len(self.tau) - 1
         at, row = variance.argmin(axis=1), np.arange(len(points))
         beside = [variance[row, np.clip(at + k, 0, last)] for k in (-1, 0, 1)]
         bend = beside[0] - 2 * beside[1] + beside[2]
@@ -123,6 +123,11 @@ class Floor:
         shift = np.where(inside, (beside[0] - beside[2]) / np.where(inside, 2 * bend, 1.0), 0.0)
         tau = self.tau[at] * (self.tau[-1] / self.tau[0]) ** (shift / max(last, 1))
         return tau, self._variance(points, tau[:, None])[:, 0]
+
+    def _curves(self, points):
+        """Allan variance at `self.tau`; where it is level to rounding, the middle is lowest."""
+        bowl = 1 + np.sqrt(np.finfo(float).eps) * np.linspace(-1, 1, len(self.tau)) ** 2
+        return self._variance(points, self.tau).real * bowl
 
     def _variance(self, points, tau):
         """Allan variance under rows of parameters, shape (rows, tau), U^2."""

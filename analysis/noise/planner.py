@@ -17,13 +17,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from analysis import Estimate, WrongUsage
-from analysis.noise.likelihood import Terms, bin_variance
+from analysis.noise.likelihood import IMAGINARY, Terms, bin_variance
 from analysis.noise.notes import said
 from analysis.noise.parameters import BY_TERM, PARAMETERS
 from analysis.noise.spectrum import outline
 
 WITHIN = 1.96
-STEP = 1e-3  # of a logarithm, for derivatives
 LONGEST_H = 1e5  # eleven years
 UNKNOWN = 1e6  # times the error that is wanted: not known at all
 SYMBOLS = {term: PARAMETERS[name]["symbol"] for term, name in BY_TERM.items()}
@@ -71,23 +70,21 @@ class Plan:
             0.1 means known to within a factor exp(0.1).
         """
         given = self.given()
-        names = list(given)
-        point = np.log([given[name] for name in names])
-        moves = STEP * np.vstack([np.eye(len(names)), -np.eye(len(names))])
-        columns = dict(zip(names, np.exp(point + moves).T, strict=True))
+        steps = np.log(list(given.values())) + 1j * IMAGINARY * np.eye(len(given))
+        columns = dict(zip(given, np.exp(steps).T, strict=True))
         bias = ((columns["sigma_b"], columns["corr_time"]),) if "sigma_b" in columns else ()
         terms = Terms(columns["sigma_v"], bias, columns.get("rrw"), columns.get("flicker"))
         samples = int(np.int64(round(3600 * hours / dt)))  # no plan of more than an int64 counts
         stretch = outline(samples, dt)
-        log_variance = np.log(bin_variance(stretch, terms))
-        slope = (log_variance[: len(names)] - log_variance[len(names) :]) / (2 * STEP)
+        moved = bin_variance(stretch, terms)
+        slope = moved.imag / IMAGINARY / moved.real
         information = 0.5 * np.einsum("ipb,jpb,pb->ij", slope, slope, stretch.count)
         scale = np.sqrt(np.diag(information))
         seen = scale > 0  # a term below rounding is never known, and disturbs no other
         ratios = information[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen])
-        variance = np.full(len(names), np.inf)
+        variance = np.full(len(given), np.inf)
         variance[seen] = np.diag(np.linalg.inv(ratios)) / scale[seen] ** 2
-        return {n: float(WITHIN * np.sqrt(v)) for n, v in zip(names, variance, strict=True)}
+        return {n: float(WITHIN * np.sqrt(v)) for n, v in zip(given, variance, strict=True)}
 
     def hours_needed(self, dt: float, within: float) -> dict[str, float | None]:
         """Hours of recording until each parameter is known to a share `within` of its value.

@@ -165,6 +165,7 @@ def cep(north: np.ndarray, east: np.ndarray) -> Estimate:
     note = said("independent", count=len(r), least=min(along))
     if min(along) < FEWEST:
         return Estimate.refused("m", note + said("few_independent", median=median))
-    half = 1.96 / (2 * np.sqrt(sum(along)))
-    ends = np.quantile(r, [0.5 - half, 0.5 + half]) / np.sqrt(1 - 2 / sum(along))
+    radii = min(sum(along), len(r))
+    half = 1.96 / (2 * np.sqrt(radii))
+    ends = np.quantile(r, [0.5 - half, 0.5 + half]) / np.sqrt(1 - 2 / radii)
     return Estimate(median, float(ends[0]), float(ends[1]), "m", note=note)

@@ -17,9 +17,10 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
+from analysis.noise.likelihood import IMAGINARY
+
 LEVEL = 0.95
 THRESHOLD = chi2.ppf(LEVEL, 1)  # fall of 2 ln L at the ends of an interval
-IMAGINARY = 1e-20  # step of a derivative; its square is below the last digit
 SLOPE = 1e-4  # of the log-likelihood for a standard error: with less a run of L-BFGS-B ends
 CONVERGED = 1e-8  # of the log-likelihood: with less to gain a search ends
 RUNS = 10  # of L-BFGS-B at most, each with the standard errors of where the last one ended
@@ -147,7 +148,9 @@ class Surface:
         point = np.where(absent, self.low, np.clip(outward(found.x), self.low, self.high))
         if np.any(absent & (found.x > low)):
             (value,), (gradient,) = self.slope(point[None])
-            return point, float(value), gradient
+            if value > -found.fun - LOST:
+                return point, float(value), gradient
+            point = np.clip(outward(found.x), self.low, self.high)
         return point, -float(found.fun), -found.jac / turn(found.x)
 
     def maximum_where(self, along, at, starts):

@@ -1,5 +1,6 @@
 """Work in two processes at once, that Ctrl-C ends, with a progress bar."""
 
+import ctypes
 import gc
 import multiprocessing
 import signal
@@ -36,13 +37,15 @@ def in_processes(work: Callable, jobs: Sequence, **bar) -> list:
     processes = ProcessPoolExecutor(AT_ONCE, how, _begin, (work,))
     try:
         return list(tqdm(processes.map(_do, jobs), **bar))
-    finally:  # after Ctrl-C nobody waits for what is being computed
-        processes.shutdown(wait=False, cancel_futures=True)
+    finally:  # after Ctrl-C nobody waits for what is being computed, or written
+        processes.shutdown(not isinstance(sys.exception(), KeyboardInterrupt), cancel_futures=True)
 
 
 def _begin(work):
     """Prepare a process for its jobs; Ctrl-C is the parent's, which ends it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: none outlives its parent
     gc.freeze()  # a collection would copy all objects that are the parent's
     _work[:] = [work]
 

@@ -19,6 +19,7 @@ KEYS: dict[str, type | tuple[type, ...]] = {  # of a stanza, with the type of th
     "time": (str, int),
     "rows": int,
 }
+OF_CHANNEL: dict = {"column": (str, int)} | dict.fromkeys(("name", "unit", "kind", "scale"), str)
 
 
 def load_catalogue() -> dict[str, dict]:
@@ -59,6 +60,8 @@ def find(log: str | Path) -> tuple[str, dict, Path]:
         If it is catalogued but the raw file is not on this machine.
     """
     stanzas, name, path = load_catalogue(), str(log), Path(log)
+    if not name:
+        raise WrongUsage("the name of the log is empty: name a file")
     if name not in stanzas:
         missing = (
             f"there is no file {path.name}, and no log of that name in the catalogue"
@@ -98,6 +101,16 @@ def _check_file(path: Path, missing: str) -> Path:
     return path
 
 
+def _check(entry: dict, keys: dict, where: str) -> None:
+    """Refuse an unknown key, and a value of another type."""
+    for key, value in entry.items():
+        if key not in keys:
+            near = closest(key, keys) or f"; known: {', '.join(keys)}"
+            raise WrongUsage(f"{where} has the unknown key '{key}'{near}")
+        if not isinstance(value, keys[key]):
+            raise WrongUsage(f"{where}: {key} = {value!r} is of the wrong type")
+
+
 def _read(path: Path, own: bool) -> dict[str, dict]:
     """Read and check one catalogue file."""
     where = path.relative_to(DATA.parent).as_posix() if DATA in path.parents else path.name
@@ -108,18 +121,17 @@ def _read(path: Path, own: bool) -> dict[str, dict]:
     for name, stanza in stanzas.items():
         if not isinstance(stanza, dict) or not isinstance(stanza.get("file"), str):
             raise WrongUsage(f'{where}: [{name}] needs a line such as file = "my.csv"')
-        for key, value in stanza.items():
-            if key not in KEYS:
-                near = closest(key, KEYS) or f"; known: {', '.join(KEYS)}"
-                raise WrongUsage(f"{where}: [{name}] has the unknown key '{key}'{near}")
-            if not isinstance(value, KEYS[key]):
-                raise WrongUsage(f"{where}: [{name}] {key} = {value!r} is of the wrong type")
+        _check(stanza, KEYS, f"{where}: [{name}]")
         if stanza.get("format", "csv") not in FORMATS:
             raise WrongUsage(
                 f"{where}: [{name}] format '{stanza['format']}' is not one of {', '.join(FORMATS)}"
             )
-        for channel in stanza.get("channels", []):
+        named = stanza.get("channels", [{"column": 1}])
+        for channel in named or [None]:
             if not isinstance(channel, dict) or "column" not in channel:
                 raise WrongUsage(f'{where}: [{name}] each channel needs column = "..."')
+            _check(channel, OF_CHANNEL, f"{where}: [{name}] channels")
+        if len({channel.get("name", k) for k, channel in enumerate(named)}) < len(named):
+            raise WrongUsage(f"{where}: [{name}] two channels have one name")
         stanza["own"] = own
     return stanzas

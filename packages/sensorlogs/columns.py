@@ -153,6 +153,8 @@ def per_kind(text: str | None, flag: str) -> dict[str | None, str]:
         if kind not in _KINDS or not value:
             such = "gyro=deg/s,accel=g" if flag == "unit" else "gyro=1/131,accel=1/16384"
             raise WrongUsage(f"--{flag} {text}: write {such}; kinds are {', '.join(FLAG.values())}")
+        if _KINDS[kind] in found:
+            raise WrongUsage(f"--{flag} {text}: {kind} stands twice")
         found[_KINDS[kind]] = value
     return found
 

@@ -173,7 +173,7 @@ def read(
     name, stanza, path = find(log)
     check_unit(name, stanza, unit)
     given: dict = {"rate_hz": rate, "time": time, "time_unit": time_unit, "from": start, "to": stop}
-    columns = columns.split(",") if isinstance(columns, str) else columns
+    columns = str(columns).split(",") if isinstance(columns, str | int) else columns
     given |= {"unit": unit, "kind": kind, "scale": scale, "table": table, "columns": columns}
     option = stanza | {key: value for key, value in given.items() if value is not None}
     rows = formats.read_table(path, option)
@@ -321,7 +321,8 @@ def _choices(table, time, option):
         known, few = {}, columns.sample(frame, numeric)
         for channel in option["channels"]:
             own = given | {key: channel[key] for key in given if key in channel}
-            ((named,), _) = columns.choose(few, file, [channel["column"]], **own)
+            column = columns.resolve(channel["column"], list(frame), file)  # the time counts
+            ((named,), _) = columns.choose(few, file, [column], **own)
             name = columns.tidy(channel.get("name", named.name))
             known[name] = replace(named, name=name)
         chosen = [known[columns.resolve(c, list(known), file)] for c in wanted or known]

@@ -51,10 +51,6 @@ class Verbs(click.Group):
         except BrokenPipeError:  # the reader of our output, such as `head`, has closed it
             sys.stdout = None
             return None
-        except OSError as error:  # a full disk, a name that is too long
-            at = error.filename or "the output"
-            why = error.strerror or error or type(error).__name__
-            sentence, status = f"cannot answer: {at}: {why}", 1
         print(sentence, file=sys.stderr)
         ctx.exit(status)
 
@@ -68,7 +64,8 @@ def _commands(error, ctx):
             if not skip and word.split("=", 1)[0] not in flags:
                 typed.append(word)
             skip = word in flags
-        typed += [word for flag, value in flags.items() if value for word in (flag, value)]
+        at = typed.index("--") if "--" in typed else len(typed)
+        typed[at:at] = [word for flag, value in flags.items() if value for word in (flag, value)]
         commands.append(shlex.join(typed))
     return "".join(f"{' or' if k else '; run'}: {one}" for k, one in enumerate(commands))
 
@@ -116,15 +113,16 @@ def _check_folder(_, param, out):
     if out == "":  # a shell variable that is not set
         raise WrongUsage(f"{option} is empty: name where to write")
     if out:
+        out = str(Path(out).expanduser())  # --out=~/mine
         _try_to_write(Path(out), f"{option} {out}")
     return out
 
 
 def _try_to_write(folder, option):
     """Refuse a folder that cannot be made, or takes no file."""
-    here = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+    here = next(p for p in (folder, *folder.absolute().parents) if p.exists() or p.is_symlink())
     if not here.is_dir():
-        raise WrongUsage(f"{option}: {here.name} is a file, and no folder; name another")
+        raise WrongUsage(f"{option}: {here.name} is no folder; name another")
     try:
         tempfile.TemporaryFile(dir=here).close()
     except OSError as error:
@@ -134,7 +132,7 @@ def _try_to_write(folder, option):
 def _tell(template, *told, **more):
     from workbench import pages
 
-    on_terminal = sys.stdout.isatty()  # elsewhere a line stays whole, for grep
+    on_terminal = sys.stdout and sys.stdout.isatty()  # elsewhere a line stays whole, for grep
     for line in pages.page(template, *told, **more).splitlines():
         print(textwrap.fill(line, WIDTH, **WRAPPED) if on_terminal and line else line)
 
@@ -190,7 +188,7 @@ def reproduce(notebooks=None, scratch=None, parameters=None):
 def _parameter(text):
     """Read NAME=VALUE: a Python literal, the absolute path of a file that is here, or text."""
     name, equals, value = text.partition("=")
-    if not equals:
+    if not equals or not value:
         raise WrongUsage(f"-p {text}: write NAME=VALUE, such as SEED=3")
     with contextlib.suppress(ValueError, SyntaxError):
         return name, ast.literal_eval(value)
@@ -717,5 +715,10 @@ def main(arguments=None):
     try:
         typed = sys.argv[1:] if arguments is None else arguments
         app(arguments, prog_name="python -m analysis", obj=typed)
+    except OSError as error:  # a full disk, a name that is too long
+        at = error.filename or "the output"
+        why = error.strerror or error or type(error).__name__
+        print(f"cannot answer: {at}: {why}", file=sys.stderr)
+        return 1
     except SystemExit as stop:
         return stop.code
