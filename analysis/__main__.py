@@ -31,7 +31,7 @@ for stream in filter(None, (sys.stdout, sys.stderr)):  # none where it is closed
     stream.reconfigure(errors="replace")  # a terminal without Greek letters ends no run
 try:
     for ending in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
-        if signal.getsignal(ending) != signal.SIG_IGN:  # as nohup has it
+        if ending == signal.SIGINT or signal.getsignal(ending) != signal.SIG_IGN:  # by nohup
             signal.signal(ending, stop)
     from workbench.cli import main
 

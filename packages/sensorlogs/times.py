@@ -439,7 +439,7 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
     step = np.diff(t)
     if len(t) < 3:
         end = int(rows[-1]) if len(rows) else 0
-        raise BadStamps(end, f"the log ends at its sample {len(t)}: give a longer one")
+        raise BadStamps(end, f"{len(t)} samples are left: give a longer log or stretch")
     if t[-1] == t[0]:
         raise BadStamps(0, f"the time stamps do not advance; {NO_STAMPS}")
     usual = float(np.median(step))
