@@ -287,7 +287,7 @@ def to_be_stopped(folder, script, *words, ending=signal.SIGINT):
     (folder / "program.py").write_text(script)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     words, env = [sys.executable, "program.py", *words], os.environ | {"PYTHONPATH": str(ROOT)}
-    heard = functools.partial(signal.signal, ending, signal.SIG_DFL)  # a test under nohup ignores some
+    heard = functools.partial(signal.signal, ending, signal.SIG_DFL)  # nohup
     with subprocess.Popen(words, cwd=folder, env=env, preexec_fn=heard, **pipes) as program:
         children = []
         yield program, children
