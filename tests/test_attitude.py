@@ -185,7 +185,7 @@ def test_a_gap_starts_the_attitude_again():
     block = run(Attitude(), gyro, accel)
     block.imu(gyro[0], accel[0], 1.0)
     assert block.ready
-    block.imu(gyro[0], accel[0], 1.01)
+    block.imu(gyro[0], accel[0], 1.51)
     assert not block.ready and all(math.isnan(a) for a in block.angles)
     again = Attitude()
     again.imu(gyro[0], accel[0], 30.0)

@@ -136,8 +136,8 @@ def test_a_device_survives_broken_inputs(laps, broken):
 def test_what_no_sensor_can_mean():
     """known case: beyond a pole, a turn, 100 km, 2 km/s, 2000 m/s^2 or 200 rad/s nothing is known.
 
-    A time is never before the last one's: earlier by a second or less it is that one, by more a gap
-    of two seconds.
+    A time is never before the last one's: earlier by 1.5 s or less it is that one, by more a gap of
+    three seconds.
     """
     device, n, most = Device(Options(), None, True), math.nan, (-90.0, 360.0, -9.9e4)
     for fix, *rest in ((most, 9.0, 1999.0, -9.0, 2.0, 4.0), ((90.0, -360.0, 9.9e4), *[0.0] * 5)):
@@ -151,8 +151,8 @@ def test_what_no_sensor_can_mean():
     known = [device._known(Epoch(t, None, *[0.0] * 5)).t_s for t in (n, math.inf, -math.inf, 3.0)]
     assert known == [0.0, 0.0, 0.0, 3.0]
     device._t_imu, device._t_epoch = 4.5, 4.0
-    known = [device._known(Epoch(t, None, *[0.0] * 5)).t_s for t in (4.2, 3.0, n, 2.9, 3.0)]
-    assert known == pytest.approx([4.2, 4.0, 4.0, 6.5, 6.6])
+    known = [device._known(Epoch(t, None, *[0.0] * 5)).t_s for t in (4.2, 2.5, n, 2.4, 3.0)]
+    assert known == pytest.approx([4.2, 4.0, 4.0, 7.5, 8.1])
     device = Device(Options(), None, True)
     for n, (k, much) in enumerate(product(range(6), (0.99, -0.99, 1.0, -1.0))):
         reading = (200.0 if k < 3 else 2000.0) * much * np.eye(6)[k]
@@ -259,7 +259,7 @@ def test_what_a_sample_tells_each_block():
     A stored position is given up when the IMU moves after a rest and no fix has come.
     """
     both, gyro, force, last = (True, False), (1.0, 2.0, 3.0), (0.0, 0.0, -9.8), (3.0, 6.0, 9.0)
-    cases = product(*[both] * 5, (1.0, 1.1), (1.0, 1.1))
+    cases = product(*[both] * 5, (1.5, 1.625), (1.5, 1.625))
     for quiet, slow, moving, ready, creeps, dt, silent in cases:
         level = {"ready": ready, "last": last, "horizontal": (0.3, 0.4)}
         car = {"may_rest": creeps}
@@ -276,8 +276,8 @@ def test_what_a_sample_tells_each_block():
         assert device.rest.sample.call_args.args == (gyro, force, dt)
         assert device.static.accelerate.call_args_list == [((0.3, 0.4, dt),)] * ready
         assert device._moved == (moving and ready)
-        rests = not moving or (silent > 1.0 and quiet and creeps)
-        goes_on = dt == 1.0  # a longer gap ends the filter for cars, whatever block 2 makes of it
+        rests = not moving or (silent > 1.5 and quiet and creeps)
+        goes_on = dt == 1.5  # a longer gap ends the filter for cars, whatever block 2 makes of it
         told = [(([2.0, 4.0, 6.0], force, dt, rests),)] * (ready and goes_on)
         assert device.constrained.sample.call_args_list == told
         assert device.constrained.started == goes_on
@@ -405,12 +405,12 @@ def test_when_the_filters_start_and_what_carries_them():
         given = ("fix", "v", ("C", "b", "d"), at["mount"] or 0.0, 1.0, 2.0, (0.1, 3.0))
         assert [c.args for c in device.constrained.start.call_args_list] == [given] * starts
         assert not starts or device.constrained.later == max(late, 0.0)
-        device.constrained.started, device._t_imu = True, 6.49  # a hole in the IMU ends it
+        device.constrained.started, device._t_imu = True, 5.99  # a hole in the IMU ends it
         assert device._constrain(*[None] * 4) is None and not device.constrained.started
-        for since, imu in ((0.0, 0.0), (1.0, 1.0), (1.01, 0.0), (0.5, 1.01)):
+        for since, imu in ((0.0, 0.0), (1.5, 1.5), (1.5625, 0.0), (0.5, 1.5625)):
             device._t_fusion, device._t_imu, device.fusion = 9.0, 9.0 + since - imu, Mock()
             device._predict(9.0 + since)
-            sighted = at["heading"] and at["mount"] is not None and max(since, imu) <= 1.0
+            sighted = at["heading"] and at["mount"] is not None and max(since, imu) <= 1.5
             by = (device.attitude.accel_n, since, 0.3) if sighted else ((0.0, 0.0, 0.0), since, 1.0)
             assert [c.args for c in device.fusion.predict.call_args_list] == [by] * (since > 0)
 

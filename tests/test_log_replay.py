@@ -367,8 +367,10 @@ def test_what_is_counted_over_epochs():
     columns |= {"lat_deg": (t > 0) + 1.0 * (t > 3), "lon_deg": 1.0 * (t > 6)}
     assert log_replay._stood(columns, 0.9 + 0.1 * (t == 9)) == (1.0, 2.0)
     assert log_replay._stood(columns, 0 * t) == (7.0, 4.0)
-    assert log_replay._stood(columns, t + 1) == (-np.inf, 0.0)
-    imu, times = SimpleNamespace(t_s=t[[0, 1, 2, 5]]), [-1.5, -1.0, 0.5, 3.0, 3.01, 5.5, 6.0, 6.1]
+    assert log_replay._stood(columns, t + 1) == (0.0, 0.0)
+    columns |= {"lat_deg": 0.0 * t, "lon_deg": 0.0 * t, "moving": np.ones(12)}
+    assert log_replay._stood(columns, 0 * t) == (0.0, 11.0)  # from the first epoch on
+    imu, times = SimpleNamespace(t_s=t[[0, 1, 2, 5]]), [-2.0, -1.5, 0.5, 3.5, 3.51, 5.5, 6.5, 6.6]
     assert log_replay._without_imu(imu, np.array(times)) == 3
 
 

@@ -131,6 +131,30 @@ def test_a_clock_does_not_depend_on_axes_or_on_the_direction_of_time():
     assert clock_offset(*ab[::-1]).offset_s.value == pytest.approx(-middle, abs=half)
 
 
+def test_noise_does_not_depend_on_which_unit_is_first():
+    """property: with a unit at 2 Hz and two at 1 Hz, in turns, of white noise of 3, 6 and 1.5 m."""
+    rng, path, sizes = np.random.default_rng(3), drive(900, np.random.default_rng(2)), (3, 6, 1.5)
+    units = []
+    for size, begin, hertz in zip(sizes, (2.0, 2.0, 2.5), (1, 2, 1), strict=True):
+        t = np.arange(begin, 898.0, 1 / hertz)
+        units.append(unit(t, path(t) + size * rng.standard_normal((len(t), 2))))
+    each = local_tracks(named(*units))
+    for order in ((0, 1, 2), (1, 0, 2), (2, 1, 0)):
+        first, *others = of = [each[k] for k in order]
+        noise, _ = noise_of_each([differences(first, other, *of) for other in others])
+        found = [noise["along"].independent[order.index(k)].value for k in range(3)]
+        np.testing.assert_allclose(found[:2], sizes[:2], rtol=0.2)
+        assert 0.9 < found[2] < 1.8  # read between its samples it is less
+
+
+def test_the_middle_of_a_track_lies_on_it():
+    """known case: a track across 180 deg with as many fixes on either side."""
+    t = np.arange(40.0)
+    east = wrap(179.9995 + 2.5e-5 * (t + 0.5))
+    (track,) = local_tracks({"a": changed(unit(t, np.zeros((40, 2))), lon_deg=east)})
+    assert np.abs(track.enu[:, :2]).max() < 50.0
+
+
 def test_what_stands_still_and_what_is_another_journey():
     """known case: 30 m of scatter, 1 deg/s of that of turns; 15 s in common.
 
@@ -319,7 +343,7 @@ def test_differences_of_a_known_shift():
     np.testing.assert_allclose(d.attitude[:, 2], 5.0, atol=1e-9)
     metrics = trajectory_metrics(d)
     # Both ends count.
-    assert list(_common(np.arange(4.0), np.arange(0, 3.1, 0.5), 0.0, 3.0)) == [0, 1, 2, 3]
+    assert list(_common([np.arange(4.0), np.arange(0, 3.1, 0.5)], 0.0, 3.0)) == [0, 1, 2, 3]
     assert metrics["p50_m"].value == pytest.approx(np.hypot(3, 2), abs=0.01)
     assert metrics["yaw_rms_deg"].value == pytest.approx(5.0)
 

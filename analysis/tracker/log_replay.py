@@ -412,7 +412,7 @@ def _stood(columns, speed):
     t, lat, lon = (columns[name] for name in ("t_s", "lat_deg", "lon_deg"))
     same = (np.diff(lat) == 0) & (np.diff(lon) == 0) & (speed[1:] < SLOW)
     same &= columns["moving"][1:] == 1
-    since = np.maximum.accumulate(np.where(np.r_[True, same], -np.inf, t))
+    since = np.maximum.accumulate(np.where(np.r_[False, same], -np.inf, t))
     lasts = np.where(np.isfinite(since), t - since, 0.0)
     most = np.argmax(lasts)
     return float(since[most]), float(lasts[most])

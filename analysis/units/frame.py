@@ -14,7 +14,7 @@ import pandas as pd
 import pymap3d
 from scipy.interpolate import CubicHermiteSpline
 
-from analysis import CannotAnswer, WrongUsage
+from analysis import CannotAnswer, WrongUsage, wrap
 from sensorlogs.timeline import Attitude, Gnss, Timeline
 
 RENEWED_S = 1.5  # a position that repeats for less is a slow receiver, not a standstill
@@ -116,7 +116,8 @@ def local_tracks(units: Mapping[str, Timeline]) -> list[Track]:
                 "few to compare with another unit"
             )
         if fixes.any():
-            middle[name] = np.array([np.nanmedian(lat), np.nanmedian(lon)])
+            east = wrap(lon - lon[fixes][0])  # a track may cross 180 deg
+            middle[name] = np.array([np.nanmedian(lat), lon[fixes][0] + np.nanmedian(east)])
     origin = (*next(iter(middle.values()), (0.0, 0.0)), 0.0)
     tracks = [_track(name, log, origin) for name, log in units.items()]
     boxes = {

@@ -57,13 +57,16 @@ class Differences:
         return np.hypot(self.enu[:, 0], self.enu[:, 1])
 
 
-def differences(a: Track, b: Track) -> Differences:
-    """Subtract unit a from unit b at the epochs of the one that has fewer.
+def differences(a: Track, b: Track, *among: Track) -> Differences:
+    """Subtract unit a from unit b at the epochs of the one that has fewest.
 
     Parameters
     ----------
     a, b : Track
         On one clock (`Track.shifted`) and in one frame.
+    *among : Track
+        All units, these two among them, if it is the one of all that has fewest: the noise of a is
+        common to two differences only where both are taken at the same times.
 
     Returns
     -------
@@ -74,8 +77,9 @@ def differences(a: Track, b: Track) -> Differences:
     CannotAnswer
         If they have no common epochs.
     """
-    start, stop = (f(span(a)[k], span(b)[k]) for k, f in ((0, max), (1, min)))
-    t = _common(a.t_s[a.fixed], b.t_s[b.fixed], start, stop)
+    every = among or (a, b)
+    start, stop = (f(span(u)[k] for u in every) for k, f in ((0, max), (1, min)))
+    t = _common([u.t_s[u.fixed] for u in every], start, stop)
     here, there = (interpolated(t, u.t_s, u.enu) for u in (a, b))
     flat = [interpolated(t, u.t_s, u.enu[:, :2]) for u in (a, b)]  # where only heights are missing
     enu = there - here
@@ -88,10 +92,10 @@ def differences(a: Track, b: Track) -> Differences:
     with np.errstate(invalid="ignore"):
         course = np.where(speed > MOVING_M_S, np.degrees(np.arctan2(*v.T)), np.nan)
     sin, cos = np.sin(np.radians(course)), np.cos(np.radians(course))
-    angle_t = _common(a.attitude_t_s, b.attitude_t_s, -np.inf, np.inf)
+    angle_t = _common([u.attitude_t_s for u in every], -np.inf, np.inf)
     angles = [interpolated_angles(angle_t, u) for u in (a, b)]
     known = np.isfinite(angles[1] - angles[0]).any(axis=1)
-    if not len(t) and not known.any():
+    if not (len(t) or known.any() or among):
         raise CannotAnswer(
             f"{a.name} and {b.name} have no epoch in common: {a.name} runs from "
             f"{span(a)[0]:.0f} s to {span(a)[1]:.0f} s, {b.name} from {span(b)[0]:.0f} s to "
@@ -110,14 +114,12 @@ def span(track):
     return (float(t.min()), float(t.max())) if len(t) else (np.inf, -np.inf)
 
 
-def _common(one, other, start, stop):
-    """Take the epochs of the slower of two series, where both last."""
-    if not len(one) or not len(other):
+def _common(every, start, stop):
+    """Take the epochs of the slowest of some series, where all last."""
+    if not all(map(len, every)):
         return np.empty(0)
-    start = max(start, one[0], other[0])
-    stop = min(stop, one[-1], other[-1])
-    inside = [t[(t >= start) & (t <= stop)] for t in (one, other)]
-    return min(inside, key=len)
+    start, stop = max(start, *(t[0] for t in every)), min(stop, *(t[-1] for t in every))
+    return min((t[(t >= start) & (t <= stop)] for t in every), key=len)
 
 
 def interpolated_angles(t: np.ndarray, track: Track) -> np.ndarray:

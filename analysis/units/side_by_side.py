@@ -132,7 +132,7 @@ def side_by_side(units: Mapping[str, Timeline]) -> Comparison:
         pairs.append(Pair(a.name, b.name, d, trajectory_metrics(d)))
         distances += apart(a, b, d)
     events += disagreements(distances)
-    noise, missing = noise_of_each([pair.differences for pair in pairs[: len(tracks) - 1]])
+    noise, missing = noise_of_each([differences(tracks[0], b, *tracks) for b in tracks[1:]])
     events.sort(key=lambda e: e.from_s)
     notes = [*dict.fromkeys([*notes, *missing])]
     return Comparison(tracks, clocks, pairs, events, noise, tuple(notes))
