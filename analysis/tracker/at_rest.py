@@ -18,13 +18,12 @@ once.
 import math
 from collections import deque
 
-from analysis.tracker.vectors import configure
+from analysis.tracker.vectors import GAP_S, configure
 
 JUMP_FIXES = 5  # in a row: a jump, and not a wild fix
 BLOCK_S = 0.25  # s of a mean: an engine line of 20 Hz and more averages out
 SIGMA_FORCE = 0.12  # m/s^2, scatter of these means at rest at most; a moving car: 0.16 and more
 SIGMA_RATE = 0.0087  # rad/s, likewise: 0.5 deg/s; a moving car: 0.5 and more
-GAP_S = 1.5  # s without a sample after which the window starts anew
 
 
 class StaticTest:

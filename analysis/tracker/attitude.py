@@ -12,7 +12,7 @@ is a number, too. tests/test_attitude.py holds this against the dense filters of
 
 import math
 
-from analysis.tracker.vectors import STANDARD_GRAVITY, add, cross, dot, plus, unit
+from analysis.tracker.vectors import GAP_S, STANDARD_GRAVITY, add, cross, dot, plus, unit
 
 SIGMA_ACCEL = 0.05  # m/s^2, one sample at rest
 EXTERNAL_TAU_S = 1.0  # s over which vibration is averaged out of the vehicle's acceleration
@@ -26,7 +26,6 @@ STEADY = 0.02  # rad/s, scatter of a gyro that is not turned
 ON_END = 1e-9  # square of the sine between an axis and the vertical: it has no level
 WEIGHTLESS = 0.1  # m/s^2: no direction of down can be read
 ALIGN_S = 1.0  # s of samples that the first attitude is read from
-GAP_S = 1.5  # s without a sample after which the attitude starts again: at 1 Hz stamps jitter
 GYRO_ARW = 3e-4  # rad/sqrt(s), 1 deg/sqrt(h): a MEMS gyro's 0.3 with room for scale and vibration
 SIGMA_BIAS_START = 0.1  # rad/s, 6 deg/s: the worst offset of the real sensors here is 4.5 deg/s
 BIAS_WALK = 2e-5  # rad/s/sqrt(s)

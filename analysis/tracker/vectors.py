@@ -8,6 +8,7 @@ keeps to what MicroPython knows of Python: no numpy, no dataclass, no star in a 
 import math
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
+GAP_S = 1.5  # s without a sample, after which blocks 2 and 3 start again: 1 Hz may jitter
 
 
 def configure(block, changed):
