@@ -231,7 +231,7 @@ def test_a_measured_part_has_its_data_sheet_under_it(gyro):
     bound = max(high.of(Sensor(r.n_high, r.b_high))[0] for r in axes)
     assert rows.count() == 1
     text = rows.text_content()
-    assert f" to {bound:.2g}) m" in text and f"data sheet: {stated:.2g} m" in text
+    assert f"at most {bound:.2g} m" in text and f"data sheet: {stated:.2g} m" in text
     assert f"N of its 3 axes: {over.min():.1f} to {over.max():.1f} times that of the data" in text
 
 
