@@ -95,7 +95,7 @@ def test_likelihood_is_exact(name, m, added, cut, detrend, monkeypatch):
     assert found.value[0] == pytest.approx(dense + mean, abs=off)
     cov = np.linalg.inv(x.T @ np.linalg.solve(v, x))
     best, error = cov @ x.T @ np.linalg.solve(v, y), np.sqrt(np.diag(cov))
-    fitted = np.append(found.drift, found.added)[not detrend :]
+    fitted = np.append(found.drift, stretch.begun + found.added)[not detrend :]
     assert np.all(np.abs((fitted - best[1:]) / error[1:]) < off)
     np.testing.assert_allclose(found.drift_sd[:detrend], error[1 : 1 + detrend], rtol=rtol)
     np.testing.assert_allclose(found.added_cov[0], cov[1 + detrend :, 1 + detrend :], rtol=rtol)

@@ -426,7 +426,7 @@ def test_own_logs_join_the_catalogue(tmp_path, monkeypatch):
     ('[mine]\nfile = "my.csv"\nformat = "xls"', "'xls' is not one of"),
     ('[mine]\nfile = "my.csv"\nrate_hz = "100"', "rate_hz = '100' is of the wrong type"),
     ('[mine]\nfile = "gone.csv"', "gone.csv, which is not in data/own/"),
-    ('[mine]\nfile = "my.csv"\nchannels = []', 'each channel needs column = "..."'),
+    ('[mine]\nfile = "my.csv"\nchannels = [{}]', 'each channel needs column = "..."'),
     ('[mine]\nfile = "my.csv"\nchannels = [{column=1, nam="x"}]', "closest: 'name'"),
     ('[mine]\nfile = "my.csv"\nchannels = [{column=1, unit=5}]', "unit = 5 is of the wrong type"),
     ('[m]\nfile = "a.csv"\nchannels = [{column=1, name="x"}, {column=2, name="x"}]', "one name"),

@@ -231,7 +231,7 @@ def twelve(result):
     return replace(result, channels=tuple(named))
 
 
-PICTURES = {"phone-parked-gnss": 3, "phone-parked": 4, "mpu6050-accel": 5, "adis16405": 8}
+PICTURES = {"phone-parked-gnss": 4, "phone-parked": 4, "mpu6050-accel": 5, "adis16405": 8}
 
 
 @pytest.mark.parametrize(("name", "pictures"), [*PICTURES.items(), ("twelve gyros", 14)])

@@ -187,7 +187,8 @@ class Inference:
     def sizes(self):
         """Coefficients of the terms under the chosen noise, and their standard errors, U."""
         fitted = self.likelihood.evaluate(self.chosen.point[None], self.chosen.names)
-        return fitted.added[0], np.sqrt(np.diagonal(fitted.added_cov[0]))
+        begun = self.likelihood.spectrum.begun
+        return begun + fitted.added[0], np.sqrt(np.diagonal(fitted.added_cov[0]))
 
     def fitted_terms(self):
         """Give the terms with their parameters."""

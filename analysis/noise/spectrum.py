@@ -33,8 +33,9 @@ STRETCHES = 30  # longest pieces of a log with gaps that are used
 FEWEST = 8  # means below which a piece is left out
 USED = 0.95  # share of the samples that is to be used; a note says if less is
 BLOCK = 2**15  # coefficients at a time
-# Coefficients of a regressor: those of shorter periods hold 1e-6 of the power of a step.
-OF_ADDED = 2**20
+# Coefficients of a regressor: those of shorter periods hold 1e-6 of the power of a step. Means that
+# tell its size to begin with.
+OF_ADDED, OF_BEGUN = 2**20, 2**14
 LONG = 2**21  # means; a longer stretch ends at a length that the transform takes fast
 WORKSPACE = Lock()  # of a long stretch: four times its size, half of which is kept as the plan
 ENOUGH = 0.5  # share of the usual number of samples that a mean needs
@@ -74,6 +75,9 @@ class Spectrum:
         which the last one of a log with gaps is a constant; of many logs, (logs, 1 + p, h, bins).
     zz : ndarray, shape (1 + p, 1 + p, h, bins)
         The same of u and the regressors among themselves.
+    begun : ndarray, shape (p - 1,), or 0.0
+        Sizes of what is added that were subtracted before: the likelihood does not depend on them,
+        but of a large step and little noise it would have few digits.
     """
 
     n: int
@@ -88,6 +92,7 @@ class Spectrum:
     yy: np.ndarray
     zy: np.ndarray
     zz: np.ndarray
+    begun: np.ndarray | float = 0.0
 
     @property
     def uu(self):
@@ -286,6 +291,12 @@ def spectra(y, dt, m, added=(), left_out=()):
     means = block_means(y, m, least=0.0)
     if len(runs) > 1:
         means = means - np.nanmean(means)
+    t, begun = dt * (m * np.arange(len(means)) + (m - 1) / 2), 0.0
+    if added:  # about their least squares
+        some = np.flatnonzero(np.isfinite(means))[:: 1 + len(means) // OF_BEGUN]
+        x = np.stack([np.ones(len(some)), t[some], *(column(t[some]) for column in added)], axis=1)
+        begun = np.linalg.lstsq(x, means[some])[0][2:]
+        means = means - sum(size * column(t) for size, column in zip(begun, added, strict=True))
     runs[:, 1] = runs[:, 0] + [
         k if k < LONG else prev_fast_len(int(k)) for k in np.diff(runs)[:, 0]
     ]
@@ -300,7 +311,7 @@ def spectra(y, dt, m, added=(), left_out=()):
         place |= {"behind": float(behind), "left_out": left_out}
         with WORKSPACE if b - a > LONG else nullcontext():
             pieces.append(transform(means[a:b], dt, m, columns, **place))
-    return joined(pieces)
+    return replace(joined(pieces), begun=begun)
 
 
 def fewest_to_average(y, most):

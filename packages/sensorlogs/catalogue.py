@@ -126,12 +126,12 @@ def _read(path: Path, own: bool) -> dict[str, dict]:
             raise WrongUsage(
                 f"{where}: [{name}] format '{stanza['format']}' is not one of {', '.join(FORMATS)}"
             )
-        named = stanza.get("channels", [{"column": 1}])
-        for channel in named or [None]:
+        channels = stanza.get("channels", [])
+        for channel in channels:
             if not isinstance(channel, dict) or "column" not in channel:
                 raise WrongUsage(f'{where}: [{name}] each channel needs column = "..."')
             _check(channel, OF_CHANNEL, f"{where}: [{name}] channels")
-        if len({channel.get("name", k) for k, channel in enumerate(named)}) < len(named):
+        if len({channel.get("name", k) for k, channel in enumerate(channels)}) < len(channels):
             raise WrongUsage(f"{where}: [{name}] two channels have one name")
         stanza["own"] = own
     return stanzas

@@ -317,7 +317,7 @@ def _choices(table, time, option):
     given = {key: option.get(key) for key in ("unit", "kind", "scale")}
     numeric = [name for name in frame.select_dtypes("number") if name != time]
     warm, temperature = columns.temperature(frame, numeric) or ("", None)
-    if "channels" in option:
+    if option.get("channels"):
         known, few = {}, columns.sample(frame, numeric)
         for channel in option["channels"]:
             own = given | {key: channel[key] for key in given if key in channel}

@@ -123,7 +123,7 @@ function relativeError(t, hours) {
     if (s.K) v += (s.K ** 2 * t.dt) / bin.lam;
     return Math.log(v);
   });
-  const step = 1e-3;
+  const step = 1e-4;
   const slopes = names.map((name) => {
     const [up, down] = [step, -step].map((h) => logVariance({ ...t, [name]: t[name] * Math.exp(h) }));
     return up.map((v, i) => (v - down[i]) / (2 * step));
