@@ -16,6 +16,7 @@ import pandas as pd
 import pymap3d
 
 from analysis import STANDARD_GRAVITY, replacing, store, wrap
+from analysis.noise.autocorrelation import runs_of
 from analysis.tracker.device import Options
 from analysis.tracker.evaluate import outage_errors
 from analysis.tracker.log_replay import replay
@@ -280,7 +281,8 @@ def stops():
             curve = drives.receiver_operating(every[rule].to_numpy(), *truth)
             curves.append(curve.assign(ride=name, rule=rule))
         if name in STANDING:
-            spells = _spells(stopped)
+            spells = runs_of(stopped)
+            spells = spells[np.diff(spells)[:, 0] > 5]  # of over five epochs
             middle = [every.iloc[a:b].median().drop(["stopped", "moving"]) for a, b in spells]
             each.append(pd.DataFrame(middle).assign(epochs=np.diff(spells)[:, 0], ride=name))
             biases.append(_bias_change(log, spells).assign(ride=name))
@@ -288,12 +290,6 @@ def stops():
     tables = {k: store.rounded(pd.concat(v, ignore_index=True), 4) for k, v in found.items()}
     title = "Rest of three cars, by the tests of block 3"
     return {"title": title} | datasets.origin(*(RIDES[name].file for name in STANDING)), tables
-
-
-def _spells(stopped):
-    """Give begin and end of each stop of over five epochs."""
-    edges = np.flatnonzero(np.diff(np.r_[0, stopped.astype(int), 0])).reshape(-1, 2)
-    return edges[np.diff(edges, axis=1)[:, 0] > 5]
 
 
 def _bias_change(log, spells):

@@ -498,9 +498,9 @@ def either(own, other, kind):
 def _judged(result, parameters, disturbances):
     """Test the fit, and widen or refuse the parameters that disturbances and misfits affect."""
     goodness, misfits = goodness_of_fit(result.likelihood, result.chosen)
-    sizes, _ = result.sizes()
     stationarity, changes = stationarity_of(
-        result.coarse.without(result.terms, sizes), result.likelihood.terms(result.chosen)
+        result.coarse.without(result.terms, result.sizes()[0]),
+        result.likelihood.terms(result.chosen),
     )
     terms = tuple(result.fitted_terms())
     disturbances = [*disturbances, *(t.disturbance(result.coarse) for t in terms)]

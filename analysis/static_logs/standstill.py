@@ -12,6 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import median_filter
 
 from analysis import CannotAnswer
+from analysis.noise.autocorrelation import runs_of
 from analysis.noise.notes import said
 from sensorlogs import IN_DEG_S, IN_M_S2
 from sensorlogs.static import Log
@@ -103,7 +104,7 @@ def static_stretches(
         seen.append((limits, mean, noise, departs))
     moving = np.convolve(np.pad(sudden | slow, 2), np.ones(5), "valid") >= 2  # not one alone
     runs: list[list[int]] = []
-    for start, end in np.flatnonzero(np.diff(np.r_[True, moving, True])).reshape(-1, 2).tolist():
+    for start, end in runs_of(~moving).tolist():
         before = runs[-1][1] if runs else -count
         knock = sudden[before:start].sum() <= KNOCK and start - before <= 3 * KNOCK
         if runs and knock and _one_pose(seen, before, start):
@@ -143,8 +144,7 @@ def standing_stretches(position_m: Sequence[np.ndarray], dt: float) -> list[tupl
         walks = np.convolve(both, np.ones(3)) > 0  # all three blocks
         moving[: count * m] |= np.repeat(walks, m)
         moving[count * m :] |= walks[-1]
-    edges = np.flatnonzero(np.diff(np.r_[True, moving, True]))
-    return [(start * dt, end * dt) for start, end in edges.reshape(-1, 2).tolist()]
+    return [(start * dt, end * dt) for start, end in runs_of(~moving).tolist()]
 
 
 def _windows(y):

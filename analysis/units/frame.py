@@ -15,6 +15,7 @@ import pymap3d
 from scipy.interpolate import CubicHermiteSpline
 
 from analysis import CannotAnswer, WrongUsage, wrap
+from analysis.noise.autocorrelation import runs_of
 from sensorlogs.timeline import Attitude, Gnss, Timeline
 
 RENEWED_S = 1.5  # a position that repeats for less is a slow receiver, not a standstill
@@ -230,8 +231,7 @@ def repeats(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     start, stop : ndarray of int, shape (spells,)
     """
     same = (np.diff(values, axis=0) == 0).all(axis=1)
-    edges = np.diff(np.r_[False, same, False].astype(int))
-    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    return tuple(runs_of(same).T)
 
 
 def rate(t: np.ndarray, x: np.ndarray, width: float) -> np.ndarray:

@@ -126,10 +126,10 @@ def open_bytes(path: Path):
         raise CannotAnswer(f"{path.name}: cannot be read: {error.strerror}") from error
 
 
-def content(path: Path) -> bytes:
-    """Read all the bytes of a file."""
+def content(path: Path, size: int = -1) -> bytes:
+    """Read the bytes of a file, or its first ones."""
     with open_bytes(path) as handle:
-        return handle.read()
+        return handle.read(size)
 
 
 def _head(path: Path) -> tuple[list[str], str]:

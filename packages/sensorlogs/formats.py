@@ -92,8 +92,8 @@ def xsens(path: Path) -> list[Part]:
     """
     text = of_text("export", path)
     names = {name: NAMES["xsens"].get(name, name) for name in text.columns}
-    with delimited.open_bytes(path) as handle:
-        rate = re.search(rb"Update Rate:\s*([\d.]+)\s*Hz", handle.read(delimited.HEAD_BYTES))
+    head = delimited.content(path, delimited.HEAD_BYTES)
+    rate = re.search(rb"Update Rate:\s*([\d.]+)\s*Hz", head)
 
     def load() -> Table:
         table = text.load()
@@ -188,8 +188,7 @@ def plain(path: Path) -> Path:
 
 def format_of(path: Path) -> str:
     """Tell the format of a file from its content; its suffix does not count."""
-    with delimited.open_bytes(path) as handle:
-        head = handle.read(1 << 14)
+    head = delimited.content(path, 1 << 14)
     if head.startswith(b"PK\x03\x04"):
         with reading(path, "a zip file"), zipfile.ZipFile(path) as packed:
             head = b"PK " + "".join(f"{name}\n" for name in packed.namelist()).encode()

@@ -25,7 +25,7 @@ from tqdm import tqdm
 
 from sensorlogs import CannotAnswer, counted, integrity, nmea
 from sensorlogs.columns import AXES
-from sensorlogs.delimited import Table, progress
+from sensorlogs.delimited import Table, content, progress
 from sensorlogs.integrity import reading
 from sensorlogs.names import NAMES
 from sensorlogs.tables import LISTED, Part, of_arrays
@@ -65,9 +65,7 @@ def _opened(path: Path) -> Iterator[Any]:
     with tempfile.TemporaryDirectory() as folder, reading(path, "a ROS bag", "rosbags", repair):
         named = path
         if path.is_file():
-            with path.open("rb") as handle:
-                head = handle.read(8)
-            suffix = {b"#ROSBAG ": ".bag", b"SQLite f": ".db3"}.get(head, ".mcap")
+            suffix = {b"#ROSBAG ": ".bag", b"SQLite f": ".db3"}.get(content(path, 8), ".mcap")
             named = Path(folder) / f"log{suffix}"
             named.symlink_to(path.resolve())
         with AnyReader([named], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
