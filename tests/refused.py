@@ -1,8 +1,8 @@
-"""What a test asks in one line: that a call is refused, and that a raw log is here."""
+"""What tests ask in one line: a call is refused, a raw log is here, a log and a catalogue exist."""
 
 import pytest
 
-from sensorlogs import datasets
+from sensorlogs import catalogue, datasets
 
 
 def refused(kind, words, call, /, *given, **named):
@@ -18,3 +18,17 @@ def where_here(call, /, *given, **named):
         return call(*given, **named)
     except datasets.NotHere as error:
         pytest.skip(str(error))
+
+
+def csv_of(folder, header, rows, name="my.csv", end="\n"):
+    """Write a CSV of rows, each a line or its cells, and return its path; a header may lack."""
+    lines = [row if isinstance(row, str) else ",".join(map(str, row)) for row in rows]
+    path = folder / name
+    path.write_text("\n".join([header, *lines] if header else lines) + end, encoding="utf-8")
+    return path
+
+
+def own_logs(monkeypatch, folder, text):
+    """Write the reader's own catalogue of logs into a folder."""
+    monkeypatch.setattr(catalogue, "OWN", folder / "logs.toml")
+    catalogue.OWN.write_text(text, encoding="utf-8")

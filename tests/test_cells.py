@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 from refused import refused
+from test_cli import failed
 
 from analysis import ROOT, WrongUsage, store
 from analysis.terrain.open_choices import FACTORS
 from studies import coverage, readings
 from studies.cells import Cell, _numbered, compute, tabulate
-from workbench.cli import main
 
 FEW = [f"{k}={of[0]}" for k, of in FACTORS.items() if k not in ("noise", "channel", "mean")]
 OPTIONS = {"readings": 4, "laps": 6, "best": 0, "held": FEW}
@@ -86,8 +86,7 @@ def test_a_table_goes_on_and_a_finished_one_stays(tmp_path):
     paths = [tmp_path / name for name in "abc"]
     paths[2].touch()
     cells = {"table": Cell(marked, paths)}
-    with pytest.raises(FileExistsError):
-        tabulate(tmp_path / "out", {"title": "a"}, cells, workers=1)
+    refused(FileExistsError, None, tabulate, tmp_path / "out", {"title": "a"}, cells, workers=1)
     paths[2].unlink()
     for _ in range(2):
         tabulate(tmp_path / "out", {"title": "a"}, cells, workers=1)
@@ -112,7 +111,7 @@ def test_work_of_one_process_takes_turns():
     assert seen == [1] * 8
 
 
-def test_errors_are_one_sentence(tmp_path, capsys):
+def test_errors_are_one_sentence(tmp_path):
     """property: unknown factor, unknown level, no scheduler: exit status 2, and what to do."""
     for given, said in {
         "--hold gyro=good": "no factor 'gyro'; there are: noise",
@@ -120,7 +119,5 @@ def test_errors_are_one_sentence(tmp_path, capsys):
         "--hold noise=loud": "no level 'loud'; it has: integrated",
         "--scheduler nowhere": "no dask scheduler answers",
     }.items():
-        assert main(["readings", "--out", str(tmp_path / "new"), *given.split()]) == 2
-        sentence = capsys.readouterr().err.strip()
-        assert said in sentence and len(sentence.splitlines()) == 1
+        assert said in failed(2, "readings", "--out", tmp_path / "new", *given.split())
     assert not (tmp_path / "new" / "readings.csv").exists()

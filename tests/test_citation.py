@@ -14,6 +14,7 @@ import pytest
 import yaml
 from matplotlib.figure import Figure
 from refused import refused
+from test_cli import told
 
 from analysis import ROOT, figures, provenance
 from workbench import citation
@@ -138,10 +139,10 @@ def test_citation_file_is_valid():
 
 
 def test_one_version_everywhere():
-    """Property: package, its metadata, CITATION.cff and the first heading of the changelog."""
+    """Property: package, its metadata, CITATION.cff, the command, the changelog's first heading."""
     wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
     assert version("inertial-compendium") == wanted, "run `make install`"
-    assert provenance.citation_file()["version"] == wanted
+    assert provenance.citation_file()["version"] == wanted and told("--version") == f"{wanted}\n"
     log = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert re.search(r"^## (\S+)", log, re.M)[1] == wanted
 

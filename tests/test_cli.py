@@ -12,12 +12,12 @@ import shutil
 import signal
 import subprocess
 import sys
-from importlib import metadata
 from types import SimpleNamespace
 
 import numpy as np
 import psutil
 import pytest
+from refused import csv_of
 
 from analysis import ROOT, claims, store
 from sensorlogs import datasets
@@ -51,11 +51,16 @@ def told(*arguments):
     return out
 
 
-def write(folder, rows=ROWS, header=HEADER, name="my.csv", end="\n"):
+def failed(status, *arguments):
+    """Run what fails with this status and prints nothing, and give its one sentence."""
+    found, out, err = run(*arguments)
+    assert (found, out, err.count("\n"), err[-1:]) == (status, "", 1, "\n")
+    return err
+
+
+def write(folder, rows=ROWS, header=HEADER):
     """Write a CSV log and return its path."""
-    path = folder / name
-    path.write_text("\n".join([header, *rows] if header else rows) + end, encoding="utf-8")
-    return path
+    return csv_of(folder, header, rows)
 
 
 def program(*words, cwd=None, **env):
@@ -243,10 +248,8 @@ def test_refusals(tmp_path, monkeypatch, case, good):
     verb, content, options, expected, words = REFUSED[case]
     monkeypatch.chdir(tmp_path)
     (path := tmp_path / "my.csv").write_text(content)
-    status, out, err = run(verb, path, "--out", tmp_path / "deep" / "mine", *options)
-    assert (status, out) == (expected, "")
+    err = failed(expected, verb, path, "--out", tmp_path / "deep" / "mine", *options)
     assert err.startswith(("", "cannot answer: ", "wrong usage: ")[expected])
-    assert err.count("\n") == 1 and err.endswith("\n")
     assert [word for word in words.split("|") if word not in err] == []
     if verb != "export":  # which names the file as it was given; the command repeats its paths
         assert str(tmp_path) not in err.split("python -m analysis")[0]
@@ -254,11 +257,6 @@ def test_refusals(tmp_path, monkeypatch, case, good):
     shutil.copytree(good.folder, tmp_path / "mine")
     assert run(verb, path, "--out", tmp_path / "mine", *options)[0] == expected
     assert files(tmp_path / "mine") == files(good.folder)
-
-
-def test_version_is_that_of_the_package():
-    """Property: one place says it, the metadata of the package."""
-    assert run("--version") == (0, f"{metadata.version('inertial-compendium')}\n", "")
 
 
 BUSY = """
@@ -340,8 +338,7 @@ def test_a_folder_that_cannot_be_is_refused(command, out, tmp_path, monkeypatch)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HOME", str(tmp_path))
     for log in ("my.csv", "none.csv"):
-        status, printed, err = run(command, log, "--out", out)
-        assert (status, printed) == (2, "") and err.startswith("wrong usage: --out")
+        assert failed(2, command, log, "--out", out).startswith("wrong usage: --out")
     assert {*os.listdir()} == {"my.csv", "lost"} and (tmp_path / "my.csv").read_bytes() == before
 
 
@@ -359,8 +356,8 @@ def test_a_folder_that_takes_no_file_is_named(option, tmp_path, monkeypatch):
     monkeypatch.setattr(cli.tempfile, "TemporaryFile", refuse)
     words = ["--out", "mine", "--last-position", "kept/where.json"]
     said = f"cannot answer: {option}: cannot write there (Permission denied)\n"
-    status, _, err = run("replay", ROOT / "data/raw/gpsd/rx210.log", *words)
-    assert (status, err) == (1, said) and os.listdir() == ["kept"]
+    assert failed(1, "replay", ROOT / "data/raw/gpsd/rx210.log", *words) == said
+    assert os.listdir() == ["kept"]
 
 
 # --- the other commands --------------------------------------------------------------------------
@@ -460,8 +457,7 @@ def test_a_second_report_from_another_folder_on_a_terminal_without_greek(tmp_pat
 @pytest.mark.parametrize("folder", ["", "notebooks", "figures/mine"])
 def test_a_what_if_run_stays_out_of_the_project(folder):
     """Property: --scratch refuses the folders of the project before anything runs."""
-    status, out, err = run("reproduce", "14", "--scratch", ROOT / folder)
-    assert (status, out) == (2, "") and "--scratch" in err
+    assert "--scratch" in failed(2, "reproduce", "14", "--scratch", ROOT / folder)
     assert not (ROOT / "figures" / "mine").exists()
 
 
@@ -482,11 +478,9 @@ def test_output_that_cannot_be_written(to, status):
     """property: a full disk is one sentence; a closed output is none."""
     for verb in ("plan --rate 100 --white 0.004", "--version", "plan --help"):
         command = f"{sys.executable} -m analysis {verb} {'>&-' if to == 'closed' else f'> {to}'}"
-        run = subprocess.run(
-            command, shell=True, cwd=ROOT, capture_output=True, text=True, check=False
-        )
-        assert run.returncode == status and "Traceback" not in run.stderr
-        assert ("cannot answer: the output: No space left" in run.stderr) == bool(status)
+        done = subprocess.run(command, shell=True, cwd=ROOT, capture_output=True, text=True)
+        assert done.returncode == status and "Traceback" not in done.stderr
+        assert ("cannot answer: the output: No space left" in done.stderr) == bool(status)
 
 
 FULL = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (99, 99));"
@@ -509,5 +503,4 @@ def test_what_is_no_file(tmp_path):
     for link, target in (("one", "other"), ("other", "one"), ("lost", "nothing")):
         (tmp_path / link).symlink_to(tmp_path / target)
     for name, words in {"pipe": "a pipe", "one": "leads nowhere", "lost": "leads nowhere"}.items():
-        status, _, err = run("channels", tmp_path / name)
-        assert status == 2 and words in err
+        assert words in failed(2, "channels", tmp_path / name)

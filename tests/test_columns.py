@@ -4,8 +4,8 @@ import shlex
 
 import numpy as np
 import pytest
-from refused import refused
-from test_cli import run
+from refused import csv_of, own_logs, refused
+from test_cli import failed
 
 import sensorlogs as logs
 from analysis import WrongUsage
@@ -25,10 +25,8 @@ UNIX = 1.7e9 + T
 def write(folder, header, *series):
     """Write a CSV; whole numbers without a point, as a logger writes counts."""
     cells = np.column_stack(series).tolist()
-    rows = [",".join(f"{v:.0f}" if v % 1 == 0 else f"{v:.9f}" for v in row) for row in cells]
-    path = folder / "my.csv"
-    path.write_text("\n".join([header, *rows] if header else rows) + "\n", encoding="utf-8")
-    return path
+    rows = [[f"{v:.0f}" if v % 1 == 0 else f"{v:.9f}" for v in row] for row in cells]
+    return csv_of(folder, header, rows)
 
 
 def found(log):
@@ -130,10 +128,9 @@ def test_a_bare_unit_is_for_one_kind(tmp_path, header):
     path = write_six(tmp_path, header)
     typed = ["pool", str(path), "--axes", "--out", str(tmp_path / "mine"), "--unit", "deg/s"]
     typed += ["--rate", "100", "--columns", ",".join(header.split(",")[1:])]
-    status, _, err = run(*typed)
-    sentence, command = err.strip().split("; run: ")
-    assert "--unit deg/s is for channels of one kind" in sentence and "\n" not in command
-    assert status == 2 and "--unit gyro=deg/s,accel=m/s^2" in sentence
+    sentence, command = failed(2, *typed).strip().split("; run: ")
+    assert "--unit deg/s is for channels of one kind" in sentence
+    assert "--unit gyro=deg/s,accel=m/s^2" in sentence
     again = shlex.split(command)
     assert again[:3] == ["python", "-m", "analysis"] and "deg/s" not in again
     assert len(logs.read(path, unit=again[again.index("--unit") + 1], rate=100).channels) == 6
@@ -271,9 +268,8 @@ FLAGS = {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131,accel=1/16384", "tim
 def test_the_catalogue_takes_the_same_keys(tmp_path, monkeypatch):
     """Property: unit, scale and time_unit of a stanza read as the flags do."""
     expected = logs.read(write(tmp_path, "t,ax,ay,az,gx,gy,gz", 1e6 * T, *RAW[1:]), **FLAGS)
-    monkeypatch.setattr(logs.catalogue, "OWN", tmp_path / "logs.toml")
     stanza = ['[mine]\nfile = "my.csv"', *(f'{key} = "{value}"' for key, value in FLAGS.items())]
-    (tmp_path / "logs.toml").write_text("\n".join(stanza) + "\n")
+    own_logs(monkeypatch, tmp_path, "\n".join(stanza))
     mine = logs.read("mine")
     assert found(mine) == found(expected) and mine.rate_hz == expected.rate_hz
     said = "--unit gyro=rad/s: the catalogue has 'mine' in gyro=deg/s,accel=g"
@@ -287,8 +283,8 @@ def test_a_moving_log_takes_the_same_units_and_scales(tmp_path):
     np.testing.assert_allclose(imu.t_s, T, atol=1e-6)  # stamps are rounded to a microsecond
     np.testing.assert_allclose(np.degrees(imu.gyro_b), GYRO, atol=0.51 / 131)
     np.testing.assert_allclose(imu.accel_b / 9.80665, ACCEL, atol=0.51 / 16384)
-    with pytest.raises(WrongUsage, match="--unit deg/s is for channels of one kind"):
-        logs.read_moving([path], **FLAGS | {"unit": "deg/s"})
+    said, bare = "--unit deg/s is for channels of one kind", FLAGS | {"unit": "deg/s"}
+    refused(WrongUsage, said, logs.read_moving, [path], **bare)
 
 
 NAMED = {  # what replay and compare take a name for | kind, what it is if no reading -> names

@@ -7,12 +7,11 @@ import tomllib
 
 import pandas as pd
 import pytest
-from refused import refused
+from refused import csv_of, own_logs, refused
 from test_published import CLAIMS, claim_faults
 
 import sensorlogs as logs
 from analysis import DATA, ROOT, WrongUsage, claims, datasheets
-from sensorlogs import catalogue
 from workbench import cli
 
 PAGE = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
@@ -37,22 +36,19 @@ def test_a_sensor(tmp_path):
     assert datasheets.read(path)["my-gyro"] == tomllib.loads(SENSOR)["my-gyro"]
     for line, words in (("source", "source"), ("density_deg_s", "arw_deg_sqrt_h or")):
         path.write_text(before + re.sub(f"^{line}.*", "", SENSOR, flags=re.MULTILINE), "utf-8")
-        with pytest.raises(WrongUsage, match=rf"sensors\.toml: \[my-gyro\] needs one line {words}"):
-            datasheets.read(path)
+        said = rf"sensors\.toml: \[my-gyro\] needs one line {words}"
+        refused(WrongUsage, said, datasheets.read, path)
     path.write_text(before + SENSOR.replace("[5, 20]", "[20, 5]"), "utf-8")
     refused(WrongUsage, r"\[low, high\], not \[20, 5\]", datasheets.read, path)
 
 
 def test_a_log(tmp_path, monkeypatch):
     """property: the page's stanza is read by its name; a key that is none is named."""
-    own = tmp_path / "logs.toml"
-    monkeypatch.setattr(catalogue, "OWN", own)
-    own.write_text(LOG, "utf-8")
-    rows = "\n".join(f"{t},{t % 3 / 7:.4f}" for t in range(900))
-    (tmp_path / "my.csv").write_text(f"t_s,gx\n{rows}\n")
+    own_logs(monkeypatch, tmp_path, LOG)
+    csv_of(tmp_path, "t_s,gx", ((t, f"{t % 3 / 7:.4f}") for t in range(900)))
     log = logs.read("my-log")
     assert (log.channels[0].name, log.channels[0].unit, log.samples) == ("gyro_x", "deg/s", 300)
-    own.write_text(LOG.replace("from =", "begin ="), "utf-8")
+    own_logs(monkeypatch, tmp_path, LOG.replace("from =", "begin ="))
     refused(WrongUsage, "begin", logs.read, "my-log")
 
 

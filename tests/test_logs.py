@@ -9,12 +9,12 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
-from refused import refused, where_here
+from refused import csv_of, own_logs, refused, where_here
 from scipy.spatial.transform import Rotation
 
 import sensorlogs as logs
 from analysis import DATA, CannotAnswer, WrongUsage
-from sensorlogs import catalogue, datasets, delimited, formats, nmea, static
+from sensorlogs import catalogue, datasets, delimited, formats, nmea
 
 HEADER = "t_s,gyro_x_deg_s,gyro_y_deg_s"
 
@@ -25,11 +25,9 @@ def lines(n=200, rate=100.0, seed=0):
     return [f"{i / rate:.6f},{x:.6f},{y:.6f}" for i, (x, y) in enumerate(values)]
 
 
-def write(folder, rows, header=HEADER, name="my.csv", end="\n"):
+def write(folder, rows, header=HEADER, **more):
     """Write a CSV log and return its path."""
-    path = folder / name
-    path.write_text("\n".join([header, *rows] if header else rows) + end, encoding="utf-8")
-    return path
+    return csv_of(folder, header, rows, **more)
 
 
 def replaced(rows, row, column, text):
@@ -105,13 +103,8 @@ def test_a_log_without_header_is_read_by_column_numbers(tmp_path, monkeypatch):
     np.testing.assert_array_equal(values(both), values(log))
     (one,) = logs.read(path, time=1, columns=3, unit="rad/s").channels
     np.testing.assert_array_equal(one.values, values(log)[0])
-    mine = {
-        "file": str(path),
-        "own": False,
-        "channels": [{"column": 3, "unit": "rad/s"}],
-        "time": 1,
-    }
-    monkeypatch.setattr(static, "find", lambda _: ("mine", mine, path))
+    mine = '[mine]\nfile = "my.csv"\ntime = 1\nchannels = [{ column = 3, unit = "rad/s" }]\n'
+    own_logs(monkeypatch, tmp_path, mine)
     np.testing.assert_array_equal(logs.read("mine").channels[0].values, one.values)
 
 
@@ -408,11 +401,9 @@ def test_every_stanza_names_registered_data_and_its_licence():
 
 def test_own_logs_join_the_catalogue(tmp_path, monkeypatch):
     """Property: a stanza in the reader's own catalogue is read like any other."""
-    own = tmp_path / "logs.toml"
-    monkeypatch.setattr(catalogue, "OWN", own)
     write(tmp_path, [row.split(",", 1)[1] for row in lines()], header="a,b")
     channels = 'channels = [{ column = "b", name = "gyro_z", unit = "deg/s" }]\n'
-    own.write_text('[mine]\nfile = "my.csv"\nrate_hz = 20\nfrom = 1\n' + channels)
+    own_logs(monkeypatch, tmp_path, '[mine]\nfile = "my.csv"\nrate_hz = 20\nfrom = 1\n' + channels)
     log = logs.read("mine")
     assert (log.name, log.rate_hz, log.channels[0].name, log.samples) == ("mine", 20, "gyro_z", 180)
     assert logs.read("mine", start=0, rate=10).duration_s == 20
@@ -433,8 +424,7 @@ def test_own_logs_join_the_catalogue(tmp_path, monkeypatch):
     ("[mine", "not valid TOML")])  # fmt: skip
 def test_a_faulty_own_catalogue_is_wrong_usage(tmp_path, monkeypatch, text, words):
     """Property: each mistake in the reader's catalogue is named."""
-    monkeypatch.setattr(catalogue, "OWN", tmp_path / "logs.toml")
-    (tmp_path / "logs.toml").write_text(text)
+    own_logs(monkeypatch, tmp_path, text)
     refused(WrongUsage, words, logs.read, "mine")
 
 

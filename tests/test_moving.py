@@ -8,7 +8,7 @@ from operator import xor
 import numpy as np
 import pandas as pd
 import pytest
-from refused import refused
+from refused import csv_of, refused
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.tracker import replay, scenarios
@@ -85,9 +85,7 @@ def table(folder, header, rows):
 
 def csv(folder, header, rows, name="log.csv"):
     """Write a CSV."""
-    path = folder / name
-    path.write_text("\n".join([header, *(",".join(map(str, r)) for r in rows)]) + "\n")
-    return path
+    return csv_of(folder, header, rows, name)
 
 
 def imu_rows(t, flip=1.0):
@@ -350,8 +348,8 @@ def test_logs_that_are_no_pair(tmp_path):
     gnss = csv(tmp_path, GNSS, gnss_rows(range(10)), "gnss.csv")
     imu = csv(tmp_path, IMU, imu_rows(np.arange(500, 510, 0.25)), "imu.csv")
     refused(CannotAnswer, "do not overlap: 491 s", read_moving, [gnss, imu])
-    with pytest.raises(WrongUsage, match=r"b.csv: a second GNSS log"):
-        read_moving([gnss, csv(tmp_path, GNSS, gnss_rows(range(10)), "b.csv")])
+    other = csv(tmp_path, GNSS, gnss_rows(range(10)), "b.csv")
+    refused(WrongUsage, r"b.csv: a second GNSS log", read_moving, [gnss, other])
 
 
 # --- CSV -----------------------------------------------------------------------------------------
@@ -550,8 +548,8 @@ def test_each_csv_takes_the_columns_that_it_has(tmp_path):
     plain = read_moving([csv(tmp_path, IMU, imu_rows(range(20)), "plain.csv")])
     assert log.gnss.has_fix.all()
     np.testing.assert_allclose(log.imu.accel_b, plain.imu.accel_b)
-    with pytest.raises(WrongUsage, match="no log has a column 'Tal'"):
-        read_moving([gnss, imu], columns=wanted | {"pdop": "Tal"})
+    more = wanted | {"pdop": "Tal"}
+    refused(WrongUsage, "no log has a column 'Tal'", read_moving, [gnss, imu], columns=more)
     refused(WrongUsage, "'altimeter' is none of", read_moving, [gnss], columns={"altimeter": "h"})
 
 
@@ -593,9 +591,8 @@ def test_an_attitude_is_matched_with_its_imu(tmp_path):
 
 def test_reported_attitude(tmp_path):
     """property: roll, pitch and heading are an attitude, with or without positions; clock kept."""
-    path = tmp_path / "efis.csv"
-    rows = [f"{34320 + k / 5},{10 + k},-2,{np.radians(3 * k):.6f}" for k in range(20)]
-    path.write_text("\n".join(["t_s,heading_deg,pitch_deg,roll_rad", *rows]))
+    rows = [(34320 + k / 5, 10 + k, -2, f"{np.radians(3 * k):.6f}") for k in range(20)]
+    path = csv_of(tmp_path, "t_s,heading_deg,pitch_deg,roll_rad", rows, end="")
     log = read_moving([path])
     assert log.gnss is None and (log.zero_s, log.clock) == (34320.0, "device")
     np.testing.assert_allclose(log.attitude.yaw_deg, 10 + np.arange(20))

@@ -5,13 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from test_cli import failed
 
 from analysis import Estimate, text
-from analysis.noise.fit import NoiseLikelihood
-from analysis.noise.models import UnifiedModel
-from analysis.noise.planner import Plan
+from analysis.noise import NoiseLikelihood, Plan, UnifiedModel
 from analysis.noise.spectrum import transform
-from workbench import cli, report
+from workbench import report
 from workbench.pages import phrase
 
 
@@ -64,11 +63,9 @@ def test_plan_from_a_first_log():
     ("--white 1 --walk 1e300", "too far apart"), ("--white inf", "above zero"),
     ("--white nan", "above zero"), ("--white 1 --within 0", "above zero"),
     ("--white 1 --sigma 1", "go together")])  # fmt: skip
-def test_numbers_without_a_plan(capsys, numbers, says):
+def test_numbers_without_a_plan(numbers, says):
     """error: what is no sensor is wrong usage, in a sentence."""
-    assert cli.main(["plan", "--rate", "100", *numbers.split()]) == 2
-    out, err = capsys.readouterr()
-    assert out == "" and says in err and err.count("\n") == 1
+    assert says in failed(2, "plan", "--rate", "100", *numbers.split())
 
 
 def test_a_bias_that_is_hidden_costs_only_its_own_hours():

@@ -10,10 +10,11 @@ import pandas as pd
 import pytest
 from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
+from refused import csv_of, own_logs
 from test_exports import broken
 from test_grid import grid
 from test_logs import HEADER, lines
-from test_moving import csv, sentence
+from test_moving import clock, sentence
 
 import sensorlogs
 from analysis import CannotAnswer, WrongUsage, datasheets
@@ -126,10 +127,8 @@ def test_a_position_is_read_as_a_receiver_wrote_it(tmp_path, lat, lon, digits, h
     (a, b, north), (c, d, east) = minutes(lat, digits), minutes(lon, digits)
     written = []
     for k in range(12):
-        h, rest = divmod(second + k, 3600)
-        clock = f"{h:02d}{rest // 60:02d}{rest % 60:02d}.00"
-        place = f"{a:02d}{b},{'NS'[lat < 0]},{c:03d}{d},{'EW'[lon < 0]}"
-        written.append(sentence(f"GNGGA,{clock},{place},1,09,1.0,{height + 0.5},M,40.0,M,,"))
+        at = f"{clock(second + k)},{a:02d}{b},{'NS'[lat < 0]},{c:03d}{d},{'EW'[lon < 0]}"
+        written.append(sentence(f"GNGGA,{at},1,09,1.0,{height + 0.5},M,40.0,M,,"))
     path = tmp_path / "drive.nmea"
     path.write_text("\r\n".join(written))
     gnss = sensorlogs.read_moving([path]).gnss
@@ -199,8 +198,7 @@ def test_any_stanza_is_read_or_refused(tmp_path, monkeypatch, stanza, file):
 
     (tmp_path / "my.csv").write_bytes(WHOLE)
     text = "[mine]\n" + "\n".join(f"{k} = {toml(v)}" for k, v in stanza.items() if k != "file")
-    monkeypatch.setattr(catalogue, "OWN", tmp_path / "logs.toml")
-    (tmp_path / "logs.toml").write_text(text + '\nfile = "my.csv"' * file, encoding="utf-8")
+    own_logs(monkeypatch, tmp_path, text + '\nfile = "my.csv"' * file)
     refusal(lambda: sensorlogs.read("mine"))
 
 
@@ -227,6 +225,6 @@ def test_any_word_after_a_flag_is_taken_or_refused(tmp_path, monkeypatch, capsys
     assume("--out" not in more)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my.csv").write_bytes(WHOLE)
-    csv(tmp_path, "t_s,lat,lon", [(k, 47.0, 8 + 1e-5 * k) for k in range(30)], "drive.csv")
+    csv_of(tmp_path, "t_s,lat,lon", [(k, 47.0, 8 + 1e-5 * k) for k in range(30)], "drive.csv")
     status, said = answered(capsys, [verb, *NEEDED[verb], *more])
     assert not status or said.strip()

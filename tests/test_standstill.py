@@ -5,8 +5,8 @@ import shlex
 
 import numpy as np
 import pytest
-from refused import refused, where_here
-from test_cli import run
+from refused import csv_of, refused, where_here
+from test_cli import failed, run
 
 import sensorlogs as logs
 from analysis import STANDARD_GRAVITY
@@ -126,9 +126,8 @@ def write(folder, moves):
     """Write a log of one gyro that turns to and fro where `moves`, at 50 Hz."""
     t = T[: len(moves)]
     gyro = GYRO[: len(moves), 1] + np.where(moves, 40 * np.sin(2 * t), 0)
-    rows = [f"{a:.2f},{y:.5f}" for a, y in zip(t, gyro, strict=True)]
-    (folder / "my.csv").write_text("\n".join(["t_s,gyro_x_deg_s", *rows]) + "\n")
-    return folder / "my.csv"
+    rows = (f"{a:.2f},{y:.5f}" for a, y in zip(t, gyro, strict=True))
+    return csv_of(folder, "t_s,gyro_x_deg_s", rows)
 
 
 def test_a_log_that_only_moves_is_refused(tmp_path):
@@ -138,9 +137,8 @@ def test_a_log_that_only_moves_is_refused(tmp_path):
     """
     path = write(tmp_path, np.ones(6000, dtype=bool))
     for verb in (["report", path], ["pool", path, path]):
-        status, out, err = run(*verb, "--out", tmp_path / "mine")
-        assert (status, out, err.count("\n")) == (1, "", 1) and "my.csv: no static stretch" in err
-        assert "--columns" not in err
+        err = failed(1, *verb, "--out", tmp_path / "mine")
+        assert "my.csv: no static stretch" in err and "--columns" not in err
     assert [p.name for p in tmp_path.iterdir()] == ["my.csv"]
 
 
@@ -163,8 +161,7 @@ def test_a_static_half_is_used_and_said(tmp_path, no_pictures):
 def test_shorter_static_stretches_are_named_with_commands_that_work(tmp_path, no_pictures):
     """Property: exit status 1, nothing written; each printed command reports its stretch."""
     moves = ((T > 40) & (T < 70)) | (T > 90)
-    status, out, err = run("report", write(tmp_path, moves[:9000]), "--out", tmp_path / "mine")
-    assert (status, out, err.count("\n")) == (1, "", 1)
+    err = failed(1, "report", write(tmp_path, moves[:9000]), "--out", tmp_path / "mine")
     assert [p.name for p in tmp_path.iterdir()] == ["my.csv"]
     commands = [part.partition(": ")[2] for part in err.split("; ")[-1].split(" or")]
     assert len(commands) == 2

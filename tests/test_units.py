@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pymap3d
 import pytest
-from refused import refused
+from refused import own_logs, refused
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq, minimize
 from scipy.stats import chi2
@@ -26,7 +26,6 @@ from analysis.units.frame import Track, interpolated, local_tracks, rate, tracks
 from analysis.units.metrics import Differences, _common, normal_factor, quantile, root_mean_square
 from analysis.units.side_by_side import apart, conventions, datums, noise_of_each, side_by_side
 from analysis.units.variances import unit_variances
-from sensorlogs import catalogue
 from sensorlogs.timeline import Attitude, Gnss, Timeline
 from studies import coverage
 from workbench import cli, comparison
@@ -782,9 +781,8 @@ def test_compare_writes_the_contract(tmp_path, monkeypatch, capsys):
     keep = (a.gnss.t_s < 100) | (a.gnss.t_s > 120)
     a = changed(a, **{k: v[keep] for k, v in vars(a.gnss).items()})
     log_of(tmp_path / "b.csv", b)
-    monkeypatch.setattr(catalogue, "OWN", tmp_path / "logs.toml")
     stanza = '[mine]\nfile = "b.csv"\ntitle = "c"\nlicence = "own"\nsource = "own"\n'
-    (tmp_path / "logs.toml").write_text(stanza)
+    own_logs(monkeypatch, tmp_path, stanza)
     logs = [log_of(tmp_path / "a.1.csv", a, START), "mine"]
     kept = tmp_path / "out" / "figures" / "mine.png"
     kept.parent.mkdir(parents=True)
