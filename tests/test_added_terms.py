@@ -8,11 +8,10 @@ from scipy.fft import dct, idct
 from scipy.stats import chi2, f, norm
 
 from analysis import Estimate
-from analysis.noise import added_terms, goodness, likelihood, spectrum
+from analysis.noise import UnifiedModel, added_terms, goodness, likelihood, spectrum
 from analysis.noise.fit import Fit, NoiseLikelihood
 from analysis.noise.inference import either, infer
 from analysis.noise.likelihood import Terms
-from analysis.noise.models import UnifiedModel
 from analysis.noise.notes import said
 from analysis.noise.parameters import SLOW, WHITE
 from analysis.noise.spectrum import transform

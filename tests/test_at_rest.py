@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from analysis.tracker import Options, replay, scenario
 from analysis.tracker.at_rest import LowPass, RestDetector, StaticTest
-from analysis.tracker.device import Options
-from analysis.tracker.log_replay import replay
-from analysis.tracker.scenarios import scenario
 
 
 @pytest.mark.parametrize("angle", [0.0, 1.0, 4.0])

@@ -8,11 +8,9 @@ import pymap3d
 import pytest
 
 from analysis import store
-from analysis.tracker import evaluate, scenarios
+from analysis.tracker import Options, evaluate, replay, scenarios
 from analysis.tracker.at_rest import LowPass
-from analysis.tracker.device import Options
 from analysis.tracker.last_position import GATE_ALONE, Frame, Stored
-from analysis.tracker.log_replay import replay
 from sensorlogs import datasets, moving
 from sensorlogs.timeline import Gnss
 from studies import drives

@@ -11,10 +11,9 @@ from scipy.signal import lfilter
 from scipy.stats import chi2, multivariate_normal
 
 import sensorlogs as logs
-from analysis.noise import added_terms, fit, inference, likelihood, spectrum
+from analysis.noise import UnifiedModel, added_terms, fit, inference, likelihood, spectrum
 from analysis.noise.fit import NoiseLikelihood, choose
 from analysis.noise.inference import infer, lost_in_means
-from analysis.noise.models import UnifiedModel
 from analysis.noise.profile_likelihood import Surface, interval, profile_curve
 from studies import coverage
 

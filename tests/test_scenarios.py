@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from analysis import STANDARD_GRAVITY, store, wrap
 from analysis.noise.position import OWN, SHARED, effective_samples
-from analysis.tracker import scenarios
-from analysis.tracker.scenarios import GnssErrors, ImuErrors, assumed_errors, scenario
+from analysis.tracker import GnssErrors, ImuErrors, assumed_errors, scenario, scenarios
 from sensorlogs import datasets, moving
 from sensorlogs.timeline import turn_imu
 from studies import drives
