@@ -237,11 +237,21 @@ def test_a_triad_mean_keeps_power():
     assert min(time) < mean_time < max(time)
 
 
-def test_terms_of_one_model_add_in_power():
-    """Analytic: at short times a Gauss-Markov bias and K are K^2 + 2 sigma_b^2 / T_c."""
-    axis = gyroscope(model(channel("gyroscope", "x", 1e-4, 1e-5, 50.0, rrw=1e-6))).axes["x"]
-    assert axis["walk"] == pytest.approx(np.sqrt(1e-12 + 2e-10 / 50))
-    assert (axis["sigma_b"], axis["corr_time"]) == pytest.approx((1e-5, 50.0))
+WHOLE = {"sigma_b": 1e-5, "corr_time": 50.0}
+
+
+@pytest.mark.parametrize(("terms", "walk", "process"), [
+    (WHOLE | {"rrw": 1e-6}, np.sqrt(1e-12 + 2e-10 / 50), (1e-5, 50.0)),
+    ({"sigma_b": 1e-5}, None, None), ({"corr_time": 100.0}, None, None)])  # fmt: skip
+def test_terms_of_one_model_add_in_power(terms, walk, process):
+    """Analytic: at short times a Gauss-Markov bias and K are K^2 + 2 sigma_b^2 / T_c.
+
+    Half a Gauss-Markov term, sigma_b without T_c, or T_c without sigma_b, is no process.
+    """
+    axis = gyroscope(model(channel("gyroscope", "x", 1e-4, **terms))).axes["x"]
+    assert axis["walk"] == (walk and pytest.approx(walk))
+    assert axis["sigma_b"] == (process and pytest.approx(process[0]))
+    assert process is None or axis["corr_time"] == pytest.approx(process[1])
 
 
 # --- what the log does not say -------------------------------------------------------------------
@@ -318,8 +328,7 @@ def test_what_is_fitted_beside_the_noise_is_in_no_stand_in():
     channel["models"] = [{"chosen": True, "terms": {"sigma_v": [white]}}]
     assert exports.stand_in(channel, source, N) is None
     channel["models"][0]["chosen"] = False
-    with pytest.raises(ValueError, match="none of its models is chosen"):
-        exports.stand_in(channel, source, N)
+    refused(ValueError, "none of its models is chosen", exports.stand_in, channel, source, N)
 
 
 def test_two_processes_have_a_stand_in():
@@ -373,13 +382,6 @@ def test_a_stand_in_replaces_nothing_that_is_resolved():
     curve = log["channels"][0]["allan_line_removed"]
     curve["low"] = [None] * len(curve["tau_s"])
     assert gyroscope(log).axes["y"]["N"] is None
-
-
-def test_half_a_gauss_markov_term_is_none():
-    """Property: sigma_b without T_c, or T_c without sigma_b, is no process."""
-    for half in ({"sigma_b": 1e-5}, {"corr_time": 100.0}):
-        axis = gyroscope(model(channel(**half))).axes["x"]
-        assert axis["sigma_b"] is None and axis["walk"] is None
 
 
 def test_other_axes_stand_in_for_none():

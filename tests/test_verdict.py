@@ -166,23 +166,28 @@ def test_a_log_that_moved_and_one_that_shook(page_of):
     assert re.search(r"a step of up to [\d.]+ m in every channel", sentences(*nothing.why))
 
 
-def test_the_mean_of_a_log_with_a_step():
-    """Analytic: a step of 1 at a quarter of the log is 0.75 below its mean before, 0.25 above."""
-    known = {"amplitude": {"value": 1.0}, "moment": {"value": np.ptp(GYRO.whole[0]) / 4}}
-    fit = GYRO.fit | {"terms": [{"kind": "step", "parameters": known}]}
-    still, moved = map(verdict.mean_reading, (GYRO, replace(GYRO, fit=fit)))
-    one = 1.01 / len(GYRO.whole[0])  # of the averages that draw the log
-    assert moved.value == still.value
-    assert (still.low - moved.low, moved.high - still.high) == pytest.approx((0.75, 0.25), abs=one)
+ENDS, MANY = np.ptp(GYRO.whole[0]), len(GYRO.whole[0])  # s, averages that draw the log
+STEP = {"amplitude": {"value": 1.0}, "moment": {"value": ENDS / 4}}
+COARSE, TERM = {"disturbances": [{"kind": "resolution"}]}, {"amplitude": {"value": 2.0}}
 
 
-def test_the_mean_of_a_log_with_a_line_in_temperature():
-    """analytic: 2 per K over 3 K, evenly: the mean may be 3 off on either side."""
-    warm = {"kind": "temperature", "parameters": {"amplitude": {"value": 2.0}}}
-    degrees = np.linspace(20.0, 23.0, len(GYRO.whole[0]))
-    moved = replace(GYRO, fit=GYRO.fit | {"terms": [warm]}, temperature=degrees)
-    still, moved = map(verdict.mean_reading, (GYRO, moved))
-    assert (still.low - moved.low, moved.high - still.high) == pytest.approx((3.0, 3.0))
+@pytest.mark.parametrize(("fit", "more", "wider"), [
+    # A step of 1 at a quarter of the log is 0.75 below its mean before, 0.25 above.
+    ({"terms": [{"kind": "step", "parameters": STEP}]}, {}, (0.75, 0.25)),
+    # 2 per K over 3 K, evenly: the mean may be 3 off on either side.
+    ({"terms": [{"kind": "temperature", "parameters": TERM}]},
+     {"temperature": np.linspace(20.0, 23.0, MANY)}, (3.0, 3.0)),
+    # Within one step a reading says nothing; half a step more is the interval.
+    *((COARSE, {"short": (GYRO.short[0], np.resize(levels, len(GYRO.short[0])))}, wider)
+      for levels, wider in (((0.0, 3.0), (1.5, 1.5)), ((3.0, 3.0), None)))])  # fmt: skip
+def test_the_mean_of_a_log_and_what_may_move_it(fit, more, wider):
+    """Analytic: its interval is wider by a step, by a line in temperature, by coarse readings."""
+    still, moved = map(verdict.mean_reading, (GYRO, replace(GYRO, fit=GYRO.fit | fit, **more)))
+    if wider is None:
+        assert moved.low is None is moved.high
+    else:
+        off = still.low - moved.low, moved.high - still.high
+        assert moved.value == still.value and off == pytest.approx(wider, abs=1.01 / MANY)
 
 
 def test_a_sensor_that_filters_and_one_alone():
@@ -196,16 +201,6 @@ def test_a_sensor_that_filters_and_one_alone():
         assert "No turn in the gyros; without accelerometers" in why
         assert ("as behind a low-pass filter: N holds for averages over 0.64 s" in why) == says
         assert "low-pass" not in sentences(*verdict.at_rest(gyros).why)
-
-
-def test_the_mean_of_a_coarse_reading():
-    """Analytic: within one step a reading says nothing; half a step more is the interval."""
-    fit = GYRO.fit | {"disturbances": [{"kind": "resolution"}]}
-    for levels, more in (((0.0, 3.0), 1.5), ((3.0, 3.0), None)):
-        short = GYRO.short[0], np.resize(levels, len(GYRO.short[0]))
-        found = verdict.mean_reading(replace(GYRO, fit=fit, short=short))
-        wider = None if found.low is None else found.high - verdict.mean_reading(GYRO).high
-        assert wider == (more and pytest.approx(more))
 
 
 def test_temperature_is_separated_from_the_drift(tmp_path, no_pictures):
