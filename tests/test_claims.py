@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from refused import refused
 
-from analysis import FIGURES, WrongUsage, claims, text
+from analysis import FIGURES, WrongUsage, claims
 from analysis.claims import NOT_REPRODUCED, NOT_TESTABLE, NOT_YET, REPRODUCED, UNDECIDABLE, judge
 
 OPEN = math.nan  # a side on which the claim is unbounded
@@ -291,15 +291,6 @@ def test_no_number_of_the_verdicts_is_left_raw(monkeypatch):
     monkeypatch.setenv("COMPENDIUM_FIGURES", str(FIGURES))
     for words in claims.verdicts()[["published", "reproduced"]].to_numpy().ravel():
         assert not re.search(r"\de[+-]\d|nan|inf\b|\(([-\d.]+) to \1\)", words), words
-
-
-@pytest.mark.parametrize(("rows", "key", "lines"), [
-    (pd.DataFrame({"a": ["|x|", 2]}), None, ["| a |", "|---|", r"| \|x\| |", "| 2 |"]),
-    ({"N": 2, "B": None}, "of", ["| of | value |", "|---|---|", "| N | 2 |", "| B | – |"]),
-])  # fmt: skip
-def test_a_table_is_markdown(rows, key, lines):
-    """Property: a cell with a bar stays one cell; a missing value is a dash."""
-    assert text.table(rows, key).splitlines() == lines
 
 
 def test_findings_are_one_for_each_notebook(elsewhere):

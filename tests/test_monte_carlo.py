@@ -253,7 +253,10 @@ def test_bounds_of_the_nees():
 
 
 def test_lost_and_its_share():
-    """published: Clopper-Pearson: 0 of 100 lost is at most 3.6 %; 5 of 100 is 1.6 to 11.3 %."""
+    """published: Clopper-Pearson: 0 of 100 lost is at most 3.6 %; 5 of 100 is 1.6 to 11.3 %.
+
+    0 of n has the upper bound 1 - 0.025^(1/n); one of one cannot exclude 2.5 %.
+    """
     error = np.zeros((2, 100, 7))
     error[1, :5, 3] = -10.5
     lost = of_errors(("good", "bad"), error).lost()
@@ -261,6 +264,8 @@ def test_lost_and_its_share():
     for label, expected in (("good", (0, 0, 0.0362)), ("bad", (0.05, 0.0164, 0.1128))):
         found = monte_carlo.share(lost[label])
         assert (found.value, found.low, found.high) == pytest.approx(expected, abs=1e-4)
+    assert monte_carlo.share(lost["good"]).high == pytest.approx(1 - 0.025 ** (1 / 100))
+    assert monte_carlo.share([True]).low == pytest.approx(0.025)
 
 
 def test_an_interval_of_a_skewed_number_has_its_mirror_image():

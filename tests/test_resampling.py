@@ -5,7 +5,6 @@ import pytest
 from scipy.stats import kurtosis
 
 from analysis import resampling
-from analysis.terrain import share
 from analysis.units import ratio_of_spreads, spread
 
 
@@ -46,9 +45,3 @@ def test_resamples_of_a_count():
     column = np.append(500.0, np.arange(1001.0))
     found = resampling.quantiles(np.stack([column, 2 * column], axis=1))
     np.testing.assert_allclose(found, np.outer([500, 25, 975], [1, 2]))
-
-
-def test_share_with_nothing_found():
-    """Analytic: 0 of n has the upper bound 1 - 0.025^(1/n); one of one cannot exclude 2.5 %."""
-    assert share(np.zeros(93)).high == pytest.approx(1 - 0.025 ** (1 / 93))
-    assert share([True]).low == pytest.approx(0.025)

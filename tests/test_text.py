@@ -22,6 +22,7 @@ def test_a_cell_without_a_form(cell, written):
     frame = pd.DataFrame({"value": [cell]}, index=["a"], dtype=object)
     for table in (text.table({"a": cell}, "name"), text.table(frame, "name")):
         assert str(table) == f"| name | value |\n|---|---|\n| a | {written} |"
+    assert str(text.table(frame)) == f"| value |\n|---|\n| {written} |"
 
 
 @pytest.mark.parametrize(("form", "share", "estimate", "small"), [
