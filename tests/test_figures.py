@@ -14,6 +14,7 @@ import pytest
 from matplotlib import font_manager
 from matplotlib.figure import Figure
 from PIL import Image
+from refused import refused
 
 import analysis
 from analysis import FIGURES, ROOT, Estimate, WrongUsage, figures, plots, provenance
@@ -211,8 +212,7 @@ def test_panels_and_series_are_named_or_refused():
     (line,) = fig.axes[1].plot([0, 1], [5, 6])
     for no_name in (line.get_label(), "_nolegend_"):
         line.set_label(no_name)
-        with pytest.raises(WrongUsage, match=r"no name for line in panel 'north'"):
-            figures.plotted_numbers(fig)
+        refused(WrongUsage, "no name for line in panel 'north'", figures.plotted_numbers, fig)
     line.set_label("_truth")
     table = figures.plotted_numbers(fig)
     assert list(dict.fromkeys(table["panel"])) == ["Allan deviation", "north"]
@@ -227,8 +227,8 @@ def test_an_axis_without_a_label_is_refused(tmp_path):
     for ax, name in ((top, "height"), (bottom, "grade")):
         ax.plot([1, 2], [3, 4], label=name)
         ax.set_ylabel(f"{name} (m)")
-    with pytest.raises(WrongUsage, match=r"panel 'height': the x axis has no label"):
-        figures.save(fig, NAME, CAPTION, to=tmp_path)
+    said = "panel 'height': the x axis has no label"
+    refused(WrongUsage, said, figures.save, fig, NAME, CAPTION, to=tmp_path)
     assert list(tmp_path.iterdir()) == []
     bottom.set_xlabel("distance (m)")
     assert figures.axes_of(fig)["height"] == {"letter": "a", "x": "distance (m)", "y": "height (m)"}

@@ -23,8 +23,8 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
-from test_cli import run, told
-from test_moving import sentence
+from test_cli import failed, run, told
+from test_moving import epochs
 
 from analysis import ROOT, STANDARD_GRAVITY, CannotAnswer, WrongUsage
 from sensorlogs import archives, datasets, delimited, formats, matrices, read, read_moving
@@ -326,7 +326,7 @@ def write_csv_zip(path):
 def write_nmea(path):
     """Write a sample: sentences of a receiver at rest, messages without a position in between."""
     between = UBXMessage("NAV", "NAV-CLOCK", GET, iTOW=0).serialize()
-    path.write_bytes(between.join(sentences(200).splitlines(keepends=True)))
+    path.write_bytes(between.join(line.encode() for line in epochs(200)))
 
 
 BOTH, GYROS, ACCELS, HERE = NAMES, NAMES[:3], NAMES[3:], ["north", "east", "down"]
@@ -529,8 +529,7 @@ def test_a_bag_with_two_imus_asks(tmp_path):
     """Property: the next command stands in the message, and it works."""
     path, out = tmp_path / "log.bag", tmp_path / "out"
     write_bag1(path, topics=("/left", "/right"))
-    status, _, err = run("report", path, "--out", out)
-    assert status == 2 and f"--out {out} --table /left" in err
+    assert f"--out {out} --table /left" in failed(2, "report", path, "--out", out)
     assert read(path, table="/right").rate_hz == pytest.approx(RATE)
     said = r"no table '/lift' \(closest: '/left'\); it has /chatter"
     refused(WrongUsage, said, read, path, table="/lift")
@@ -645,8 +644,8 @@ def test_a_dataflash_log_without_a_clock(tmp_path):
     write_dataflash(tmp_path / "none.bin", stamp=b"Ticks")
     for verb in ("channels", "report", "replay", "compare"):
         logs = [tmp_path / "none.bin", *[tmp_path / "old.bin"] * (verb == "compare")]
-        status, _, err = run(verb, *logs, *["--out", tmp_path / "out"] * (verb != "channels"))
-        assert status == 1 and "an ArduPilot DataFlash log without any table" in err
+        err = failed(1, verb, *logs, *["--out", tmp_path / "out"] * (verb != "channels"))
+        assert "an ArduPilot DataFlash log without any table" in err
 
 
 @pytest.mark.parametrize(("code", "names"), [
@@ -801,11 +800,7 @@ def test_layouts_of_sensor_logger(layout, tmp_path):
     assert any("signs turned" in repair for repair in log.repairs) == ios
 
 
-def sentences(rows, fix=True):
-    """Write GGA sentences of a receiver at rest."""
-    at = "4500.0000,N,00700.0000,E,1,08,1.0,100.0,M,47.0,M,," if fix else ",,,,0,00,,,M,,M,,"
-    lines = (sentence(f"GPGGA,10{k // 60:02}{k % 60:02}.00,{at}") for k in range(rows))
-    return "".join(lines).encode()
+SENTENCES = "".join(epochs(100)).encode()
 
 
 def test_sentences_before_binary_messages_hide_nothing(tmp_path):
@@ -813,7 +808,7 @@ def test_sentences_before_binary_messages_hide_nothing(tmp_path):
     write_ubx_pvt(tmp_path / "pvt.ubx")
     write_ubx(tmp_path / "esf.ubx")
     for name in ("pvt.ubx", "esf.ubx"):
-        (tmp_path / f"mixed-{name}").write_bytes(sentences(100) + (tmp_path / name).read_bytes())
+        (tmp_path / f"mixed-{name}").write_bytes(SENTENCES + (tmp_path / name).read_bytes())
     mixed = tmp_path / "mixed-pvt.ubx"
     assert len(read_moving([mixed]).gnss.t_s) == 200
     assert any("another: NMEA" in note for note in read(mixed).repairs)
@@ -824,18 +819,18 @@ def test_sentences_before_binary_messages_hide_nothing(tmp_path):
     ride = read_moving([mixed], time_unit="ms", imu_offset=2.0)
     assert (ride.imu.t_s[0] - ride.gnss.t_s[0], ride.gnss.t_s[-1]) == pytest.approx((2, 99))
     cut = tmp_path / "cut.ubx"  # what only looks like a message is none
-    cut.write_bytes(sentences(100) + b"\xb5\x62\x01\x07\x5c\x00" + bytes(92) + b"\x00\x01")
+    cut.write_bytes(SENTENCES + b"\xb5\x62\x01\x07\x5c\x00" + bytes(92) + b"\x00\x01")
     assert formats.format_of(cut) == "nmea"
 
 
 def test_a_receiver_without_a_fix(tmp_path):
     """Property: NMEA and UBX without any fix end with 1 and the reason, and nothing is written."""
-    (tmp_path / "log.nmea").write_bytes(sentences(100, fix=False))
+    (tmp_path / "log.nmea").write_text("".join(epochs(100, fix=False)))
     write_ubx_pvt(tmp_path / "log.ubx", fixType=0, gnssFixOk=0, pDOP=0, validDate=0, validTime=0)
     for name in ("log.nmea", "log.ubx"):
         for verb in ("report", "replay"):
-            status, _, err = run(verb, tmp_path / name, "--out", tmp_path / "out")
-            assert status == 1 and f"cannot answer: {name}: no fix" in err
+            err = failed(1, verb, tmp_path / name, "--out", tmp_path / "out")
+            assert f"cannot answer: {name}: no fix" in err
             assert "epochs has a measured position" in err  # one of quality 6 is estimated
     assert not (tmp_path / "out").exists()
 
