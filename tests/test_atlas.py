@@ -8,12 +8,12 @@ import sys
 import numpy as np
 import pytest
 from refused import refused
+from test_cli import told
 from test_exports import TRUTH, broken
 
 from analysis import ROOT, CannotAnswer, Estimate, WrongUsage, datasheets, store
 from studies import surveys
 from workbench import atlas
-from workbench.cli import main
 
 PRODUCT = next(iter(datasheets.read()))
 ABOUT = {"product": PRODUCT, "title": "a stone floor, a night", "licence": "CC0", "source": "me"}
@@ -31,11 +31,10 @@ def door(tmp_path, monkeypatch):
     return tmp_path / "my"
 
 
-def test_a_log_enters_in_the_units_of_the_atlas(door, capsys):
+def test_a_log_enters_in_the_units_of_the_atlas(door):
     """property: six axes, N in deg/sqrt(s) and g*sqrt(s) with its interval, the bound of B."""
     flags = [word for key, value in ABOUT.items() for word in (f"--{key}", value)]
-    assert main(["atlas", "add", str(door), *flags]) == 0
-    assert f"{PRODUCT}-012345.json; now: " in capsys.readouterr().out
+    assert f"{PRODUCT}-012345.json; now: " in told("atlas", "add", door, *flags)
     table = surveys.atlas()[1]["atlas"].query("sensor == @PRODUCT + '-012345'")
     assert list(table["axis"]) == ["x", "y", "z"] * 2
     for sensor, scale in (("gyroscope", np.degrees(1)), ("accelerometer", 1 / 9.80665)):

@@ -14,11 +14,10 @@ import pytest
 import yaml
 from matplotlib.figure import Figure
 from refused import refused
-from test_cli import told
+from test_cli import failed, told
 
 from analysis import ROOT, figures, provenance
 from workbench import citation
-from workbench.cli import main
 
 FIG9, OWN = "22-fig9-fig11-variance", "10-adis16405-gyro-x"
 CAPTION = "Variance of the error (95 % bands), B & N in °/√s, R_0 as printed."
@@ -58,10 +57,9 @@ def entries(text):
 
 
 @pytest.mark.usefixtures("drawn")
-def test_a_figure_that_redraws_a_paper(capsys):
+def test_a_figure_that_redraws_a_paper():
     """Published: name, version, commit, caption, the paper with what is known of it, licence."""
-    assert main(["cite", FIG9]) == 0
-    text = capsys.readouterr().out
+    text = told("cite", FIG9)
     for words in (FIG9, CAPTION, version("inertial-compendium"), "Fig 9", "Licence: MIT", "(2026)"):
         assert words in text, words
     found = entries(text)
@@ -94,9 +92,9 @@ def test_the_compendium_with_its_three_papers():
 
 @pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize(("typed", "near"), NEAREST.items())
-def test_an_unknown_figure(typed, near, capsys):
-    """Property: status 2, and the nearest names."""
-    assert main(["cite", typed]) == 2 and near in capsys.readouterr().err
+def test_an_unknown_figure(typed, near):
+    """Property: status 2, one sentence, and the nearest names."""
+    assert near in failed(2, "cite", typed)
 
 
 def test_every_figure_can_be_cited(monkeypatch):

@@ -29,6 +29,13 @@ def ride(block, mount, speeds, *, dt=1.0, rate=0.0, share=(1.0, 1.0), noise=None
     return [k for k, v, a in rows if block.step(k, dt, 1.0 + rate * k, v, rate, *a, variance)]
 
 
+def rides(block, mount, count, speeds, **more):
+    """Drive a block over so many straights, with a bend after each."""
+    for _ in range(count):
+        ride(block, mount, speeds, **more)
+        block.interrupt()
+
+
 def setting_off(n=20, a=0.6, top=6.0):
     """Speeds of a start from a walk."""
     return np.minimum(0.5 + a * np.arange(n), top)
@@ -117,14 +124,11 @@ def test_stated_sigma_covers(noise, straights):
 def test_a_new_mount_is_learnt():
     """property: after the device is turned by 60 deg the angle follows within 25 straights."""
     block = MountingYaw()
-    for mount, straights in ((0.5, 20), (0.5 + math.radians(60), 25)):
-        for _ in range(straights):
-            ride(block, mount, up_and_down(8))
-            block.interrupt()
+    for mount, count in ((0.5, 20), (0.5 + math.radians(60), 25)):
+        rides(block, mount, count, up_and_down(8))
     assert math.degrees(wrap(block.mount - mount, 2 * math.pi)) == pytest.approx(0.0, abs=5.0)
-    for _ in range(20):  # weaker ones keep what is known at what is enough
-        ride(block, mount, up_and_down(8, 0.8))
-        block.interrupt()
+    # Weaker ones keep what is known at what is enough.
+    rides(block, mount, 20, up_and_down(8, 0.8))
     assert block._known[0] == pytest.approx(mounting.ENOUGH)
 
 
@@ -139,9 +143,7 @@ def test_constant_speed_says_and_erases_nothing():
         printed.append(block.printed)
         block.interrupt()
     assert np.std(np.degrees(printed)) > 30
-    for _ in range(3):
-        ride(block, 2.0, up_and_down(8), noise=noise)
-        block.interrupt()
+    rides(block, 2.0, 3, up_and_down(8), noise=noise)
     before = block.mount, block.sigma
     ride(block, 2.0, np.full(700, 8.0), noise=noise)
     assert block.straights > 200
