@@ -15,7 +15,7 @@ def cells(table):
 @pytest.mark.parametrize(("cell", "written"), [
     (7665, "7665"), (np.int64(7665), "7665"), (0.4123, "0.412"), (np.float32(0.4123), "0.412"),
     (1234.5, "1230"), (1.2e7, "1.2×10⁷"), (np.inf, "∞"), (-np.inf, "-∞"), (True, "yes"),
-    (np.False_, "no"), (None, "–"), (np.nan, "–"), (pd.NaT, "–"), ("a | b", r"a \| b"),
+    (np.False_, "no"), (None, "–"), (np.nan, "–"), (pd.NaT, "–"), ("|a | b", r"\|a \| b"),
     (Estimate(0.3, 0.2, 0.4, "deg"), "0.30 (0.20 to 0.40) °")])  # fmt: skip
 def test_a_cell_without_a_form(cell, written):
     """property: each kind of cell, in a dict and in a DataFrame, as the docstring says."""

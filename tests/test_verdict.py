@@ -166,20 +166,22 @@ def test_a_log_that_moved_and_one_that_shook(page_of):
     assert re.search(r"a step of up to [\d.]+ m in every channel", sentences(*nothing.why))
 
 
-ENDS, MANY = np.ptp(GYRO.whole[0]), len(GYRO.whole[0])  # s, averages that draw the log
-STEP = {"amplitude": {"value": 1.0}, "moment": {"value": ENDS / 4}}
+MANY = len(GYRO.whole[0])  # averages that draw the log
+STEP = {"amplitude": {"value": 1.0}, "moment": {"value": np.ptp(GYRO.whole[0]) / 4}}
 COARSE, TERM = {"disturbances": [{"kind": "resolution"}]}, {"amplitude": {"value": 2.0}}
 
 
 @pytest.mark.parametrize(("fit", "more", "wider"), [
     # A step of 1 at a quarter of the log is 0.75 below its mean before, 0.25 above.
-    ({"terms": [{"kind": "step", "parameters": STEP}]}, {}, (0.75, 0.25)),
+    ({"terms": [{"kind": "step", "parameters": STEP}]}, {},
+     pytest.approx((0.75, 0.25), abs=1.01 / MANY)),
     # 2 per K over 3 K, evenly: the mean may be 3 off on either side.
     ({"terms": [{"kind": "temperature", "parameters": TERM}]},
-     {"temperature": np.linspace(20.0, 23.0, MANY)}, (3.0, 3.0)),
+     {"temperature": np.linspace(20.0, 23.0, MANY)}, pytest.approx((3.0, 3.0))),
     # Within one step a reading says nothing; half a step more is the interval.
     *((COARSE, {"short": (GYRO.short[0], np.resize(levels, len(GYRO.short[0])))}, wider)
-      for levels, wider in (((0.0, 3.0), (1.5, 1.5)), ((3.0, 3.0), None)))])  # fmt: skip
+      for levels, wider in (((0.0, 3.0), pytest.approx((1.5, 1.5))), ((3.0, 3.0), None)))
+])  # fmt: skip
 def test_the_mean_of_a_log_and_what_may_move_it(fit, more, wider):
     """Analytic: its interval is wider by a step, by a line in temperature, by coarse readings."""
     still, moved = map(verdict.mean_reading, (GYRO, replace(GYRO, fit=GYRO.fit | fit, **more)))
@@ -187,7 +189,7 @@ def test_the_mean_of_a_log_and_what_may_move_it(fit, more, wider):
         assert moved.low is None is moved.high
     else:
         off = still.low - moved.low, moved.high - still.high
-        assert moved.value == still.value and off == pytest.approx(wider, abs=1.01 / MANY)
+        assert moved.value == still.value and off == wider
 
 
 def test_a_sensor_that_filters_and_one_alone():
