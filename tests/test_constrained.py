@@ -13,11 +13,13 @@ from refused import refused, where_here
 from scipy.spatial.transform import Rotation
 
 from analysis import STANDARD_GRAVITY, WrongUsage, store, wrap
-from analysis.tracker import ImuErrors, Options, constrained, doubt, kalman, scenario
+from analysis.tracker import constrained, doubt, kalman
 from analysis.tracker.attitude import angles
 from analysis.tracker.constrained import ACCEL, GYRO, MOUNT, PLACE, SPEED, STATES, TILT
+from analysis.tracker.device import Options
 from analysis.tracker.lever import Levered
 from analysis.tracker.log_replay import replay, stepped
+from analysis.tracker.scenarios import ImuErrors, scenario
 from analysis.tracker.smoother import Recorded
 from sensorlogs.timeline import inject_outages
 from studies import rides
@@ -248,19 +250,21 @@ def test_a_fix_of_the_antenna_is_the_derivative_of_its_place():
     np.testing.assert_allclose([-r for _, r, _ in taken[2:]], swing, atol=1e-3)
 
 
-def test_an_update_is_the_dense_one():
-    """cross-check: a fix of four numbers, one at a time, is `kalman`'s update of all, to 1e-9.
-
-    Which is filterpy's, by `test_kalman`.
-    """
-    block, A = under_way(), np.random.default_rng(3).standard_normal((STATES, STATES))
-    P, z, unit = A @ A.T + np.eye(STATES), np.array([1.0, -2.0, 0.5, 0.3]), np.eye(STATES)
-    e, updated = kalman.update(unit[0] * 0, P, z, unit[:4], np.diag([4.0, 4.0, 0.25, 0.25]))
+def test_updates_are_those_of_filterpy():
+    """cross-check: a fix of four numbers, one at a time, is filterpy's update of all, to 1e-9."""
+    theirs, block = pytest.importorskip("filterpy.kalman"), under_way()
+    A = np.random.default_rng(3).standard_normal((STATES, STATES))
+    block.P = (A @ A.T + np.eye(STATES)).tolist()
+    other = theirs.KalmanFilter(dim_x=STATES, dim_z=4)
+    other.P, other.H = np.array(block.P), np.eye(STATES)[:4]
+    other.R = np.diag([4.0, 4.0, 0.25, 0.25])
+    z = np.array([1.0, -2.0, 0.5, 0.3])
+    other.update(z)
     place, speed, found = np.add(block.position, z[:2]), np.add(block.velocity[:2], z[2:]), []
-    block.P, block._apply = P.tolist(), lambda: found.extend(block._error)
+    block._apply = lambda: found.extend(block._error)
     block.update(place.tolist(), speed.tolist(), 2.0, 0.5)
-    np.testing.assert_allclose(found, e, atol=1e-9)
-    np.testing.assert_allclose(block.P, updated, atol=1e-9)
+    np.testing.assert_allclose(found, other.x.ravel(), atol=1e-9)
+    np.testing.assert_allclose(block.P, other.P, atol=1e-9)
 
 
 def rows_of(name, kind, rows):
