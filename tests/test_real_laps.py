@@ -110,7 +110,7 @@ def test_a_lap_is_laid_on_a_circle(begin):
     ahead = np.array([np.sin(course), np.cos(course), 0 * t])
     left = np.array([-ahead[1], ahead[0], 0 * t])
     middle = (radius + 1.0) * left + [[0.0], [0.0], [30.0]]
-    front = middle + 2.5 * (np.cos(pitch) * ahead + [[0.0], [0.0], [np.tan(pitch)]])
+    front = middle + 2.5 * (np.cos(pitch) * ahead + [[0.0], [0.0], [np.sin(pitch)]])
     places = np.stack([front, middle + 0.7 * left, middle - 0.7 * left]).transpose(0, 2, 1)
     places[:, :3] = places[1, 100:105] = places[0, 200:202] = np.nan
     fine = np.arange(-1.0, 41.0, 0.01)
