@@ -272,7 +272,8 @@ def compute(log):
     threading.Thread(target=time.sleep, args=(60,)).start()
     return characterise(log)
 if __name__ == "__main__":
-    characterise, report._page, static_logs.characterise = static_logs.characterise, busy, compute
+    characterise, static_logs.characterise = static_logs.characterise, compute
+    report.pictures = busy
     report._draw = lambda result, folder, atlas: folder.mkdir()
     sys.argv[0] = "analysis"
     runpy.run_module("analysis", run_name="__main__")

@@ -49,7 +49,7 @@ def once(unpack: Callable[[Path], Path], path: Path) -> Path:
 
 def gunzip(path: Path) -> Path:
     """Unpack a gzip file into the temporary folder, under its own name."""
-    target, size = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name, 0
+    target = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name
     bar = {"unit": "B", "unit_scale": True, **delimited.progress(path, "unpacking")}
     with (
         reading(path, "a packed file"),
@@ -58,8 +58,7 @@ def gunzip(path: Path) -> Path:
         tqdm(**bar) as shown,
     ):
         while block := packed.read(1 << 20):
-            size += len(block)
-            if size > LIMIT:
+            if handle.tell() + len(block) > LIMIT:
                 handle.truncate(0)
                 raise _too_large(path)
             handle.write(block)
@@ -114,18 +113,14 @@ def _too_large(path: Path) -> CannotAnswer:
 def _is_side(path: Path) -> bool:
     """Tell a file that comes beside a log: a picture, a page, what systems leave."""
     hidden = any(part.startswith((".", "__MACOSX")) for part in path.parts)
-    return (
-        hidden or path.suffix.lower() in _SIDE or path.name.upper().startswith(("LICEN", "README"))
-    )
+    about = path.name.upper().startswith(("LICEN", "README"))
+    return hidden or about or path.suffix.lower() in _SIDE
 
 
 def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
     """List the tables of a folder; files that are no logs are left out."""
-    inside = [
-        file
-        for file in sorted(path.rglob("*"))
-        if file.is_file() and not _is_side(file.relative_to(path))
-    ]
+    every = sorted(file for file in path.rglob("*") if file.is_file())
+    inside = [file for file in every if not _is_side(file.relative_to(path))]
     if len(inside) > FILES:
         raise WrongUsage(f"{path.name} has more than {FILES} files: name the log file in it")
     parts: list[Part] = []
@@ -137,9 +132,7 @@ def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
             errors.append(error)
             continue
         stem = file.relative_to(path).as_posix()
-        for part in found:
-            name = stem if len(found) == 1 else f"{stem}/{part.name}"
-            parts.append(replace(part, name=name))
+        parts += [replace(p, name=f"{stem}/{p.name}" if found[1:] else stem) for p in found]
     if not parts:
         raise next(iter(errors), WrongUsage(f"{path.name}: no log file in it: name one"))
     return parts

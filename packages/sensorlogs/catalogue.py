@@ -119,19 +119,18 @@ def _read(path: Path, own: bool) -> dict[str, dict]:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise WrongUsage(f"{where}: not valid TOML: {error}") from error
     for name, stanza in stanzas.items():
+        here = f"{where}: [{name}]"
         if not isinstance(stanza, dict) or not isinstance(stanza.get("file"), str):
-            raise WrongUsage(f'{where}: [{name}] needs a line such as file = "my.csv"')
-        _check(stanza, KEYS, f"{where}: [{name}]")
-        if stanza.get("format", "csv") not in FORMATS:
-            raise WrongUsage(
-                f"{where}: [{name}] format '{stanza['format']}' is not one of {', '.join(FORMATS)}"
-            )
+            raise WrongUsage(f'{here} needs a line such as file = "my.csv"')
+        _check(stanza, KEYS, here)
+        if (known := stanza.get("format", "csv")) not in FORMATS:
+            raise WrongUsage(f"{here} format '{known}' is not one of {', '.join(FORMATS)}")
         channels = stanza.get("channels", [])
         for channel in channels:
             if not isinstance(channel, dict) or "column" not in channel:
-                raise WrongUsage(f'{where}: [{name}] each channel needs column = "..."')
-            _check(channel, OF_CHANNEL, f"{where}: [{name}] channels")
+                raise WrongUsage(f'{here} each channel needs column = "..."')
+            _check(channel, OF_CHANNEL, f"{here} channels")
         if len({channel.get("name", k) for k, channel in enumerate(channels)}) < len(channels):
-            raise WrongUsage(f"{where}: [{name}] two channels have one name")
+            raise WrongUsage(f"{here} two channels have one name")
         stanza["own"] = own
     return stanzas

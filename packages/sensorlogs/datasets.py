@@ -53,10 +53,8 @@ class Entry:
         """Address of exactly these bytes."""
         if not self.commit:  # a source package, not a repository
             return f"{self.repository}{self.path_in_repository}"
-        return (
-            f"https://github.com/{self.repository}/raw/{self.commit}/"
-            f"{quote(self.path_in_repository)}"
-        )
+        inside = quote(self.path_in_repository)
+        return f"https://github.com/{self.repository}/raw/{self.commit}/{inside}"
 
 
 @functools.cache

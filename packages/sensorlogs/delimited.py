@@ -96,9 +96,8 @@ def sniff(path: Path) -> Layout:
             )
     named = head_row or LABELLED.get(fields[rows[0]][0].strip(), "").split()
     names = _names([*named, *[""] * (width - len(named))])
-    text = frozenset(
-        name for j, name in enumerate(names) if _is_text([fields[i] for i in rows], j, decimal)
-    )
+    data = [fields[i] for i in rows]
+    text = frozenset(name for j, name in enumerate(names) if _is_text(data, j, decimal))
     return Layout(delimiter, decimal, comment, encoding, header_lines, names, text)
 
 
@@ -145,14 +144,13 @@ def _head(path: Path) -> tuple[list[str], str]:
         raise CannotAnswer(f"{path.name}: the file is empty: there is no line 1")
     if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
         encoding = "utf-16"
+    elif binary := _CONTROL.search(head):
+        line = len(_NEWLINE.split(head[: binary.start()].decode("latin-1")))
+        raise (CannotAnswer if line > FEWEST_LINES else WrongUsage)(
+            f"{path.name}, line {line}: bytes that are not text: a damaged file, or a binary "
+            "format that is not known; cut it before that line, or export it as CSV"
+        )
     else:
-        binary = _CONTROL.search(head)
-        if binary:
-            line = len(_NEWLINE.split(head[: binary.start()].decode("latin-1")))
-            raise (CannotAnswer if line > FEWEST_LINES else WrongUsage)(
-                f"{path.name}, line {line}: bytes that are not text: a damaged file, or a binary "
-                "format that is not known; cut it before that line, or export it as CSV"
-            )
         encoding = "utf-8-sig" if head[:3] == b"\xef\xbb\xbf" else "utf-8"
     # The head may end within a character, which is not wrong, only not whole.
     text = codecs.getincrementaldecoder(encoding)("replace").decode(head, final=not more)
@@ -198,11 +196,10 @@ def _number(field: str, decimal: str) -> float:
 
 def _is_word(field: str, decimal: str) -> bool:
     """Tell whether a field is a word: no number, no clock time, not missing."""
-    try:
+    with contextlib.suppress(ValueError):
         _number(field, decimal)
-    except ValueError:
-        return not CLOCK.match(field.strip())
-    return False
+        return False
+    return not CLOCK.match(field.strip())
 
 
 def _is_header(fields: list[str], decimal: str) -> bool:
@@ -325,14 +322,12 @@ def read_table(path: Path) -> Table:
                 decimal=layout.decimal,
                 comment=layout.comment,
                 encoding=layout.encoding,
-                header=None,
                 names=list(layout.names),
                 index_col=False,
                 na_values=["-"],
                 skiprows=layout.header_lines,
                 skipinitialspace=True,
                 dtype={name: str if name in layout.text else float for name in layout.names},
-                low_memory=True,  # types are given, so parts join as they are
             )
     except (ValueError, OverflowError, pd.errors.ParserWarning):  # parser, decoder: ValueErrors
         frame = _line_by_line(path, layout, is_cut)
@@ -405,13 +400,10 @@ def _is_cut_off(path: Path, layout: Layout) -> bool:
         return False
     # All last fields have as many decimals, except the very last one: it is cut off.
     decimals = [len(f[-1].strip().partition(layout.decimal)[2]) for f in (*before, last)]
-    if len(set(decimals[:-1])) == 1 and len(before) > 4 and decimals[-1] < decimals[0]:
-        return True
-    try:
+    with contextlib.suppress(ValueError):
         _row(last, layout)
-    except ValueError:
-        return True
-    return False
+        return len(set(decimals[:-1])) == 1 and len(before) > 4 and decimals[-1] < decimals[0]
+    return True
 
 
 def _without_short_rows(table: Table, layout: Layout) -> Table:

@@ -223,13 +223,10 @@ def _parts(path: Path, known: str | None = None) -> list[Part]:
     CannotAnswer
         If the file is empty, damaged or of another format than its first bytes say.
     """
-    if path.is_dir():
-        if not (path / "metadata.yaml").exists():
-            return archives.folder(path, _parts)
-        known = "bag"
-    else:
-        path = plain(path)
-        known = known or format_of(path)
+    if path.is_dir() and not (path / "metadata.yaml").exists():
+        return archives.folder(path, _parts)
+    path = path if path.is_dir() else plain(path)
+    known = "bag" if path.is_dir() else known or format_of(path)
     if known == "csv" and zipfile.is_zipfile(path):
         return _parts(archives.once(archives.unzip, path))
     return FORMATS[known].parts(path)
@@ -317,9 +314,8 @@ def about_the_mean(frame: pd.DataFrame, every: bool = False) -> pd.DataFrame:
         known = np.isfinite(height)
         if np.isfinite(lat * lon).any() and known.any():
             origin = (np.nanmean(lat), np.nanmean(lon), np.nanmean(height))
-            north, east, down = pymap3d.geodetic2ned(
-                lat, lon, np.where(known, height, origin[2]), *origin
-            )
+            up = np.where(known, height, origin[2])
+            north, east, down = pymap3d.geodetic2ned(lat, lon, up, *origin)
             added |= {"north_m": north, "east_m": east}
             if "height" in named and known.sum() > 0.75 * np.isfinite(lat).sum():
                 added["down_m"] = np.where(known, down, np.nan)

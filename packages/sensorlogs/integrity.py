@@ -141,12 +141,11 @@ def _sqlite(raw, path: Path) -> int | None:
 
 def _zip(raw, path: Path) -> int | None:
     """Compare the checksums of the files in a zip; its list of them is at its end."""
-    try:
-        with zipfile.ZipFile(path) as packed:
-            wrong = packed.testzip()
-            return packed.getinfo(wrong).header_offset if wrong else None
-    except Exception:  # zipfile raises what it meets at an offset that is wrong
-        return len(raw)
+    # zipfile raises what it meets at an offset that is wrong
+    with contextlib.suppress(Exception), zipfile.ZipFile(path) as packed:
+        wrong = packed.testzip()
+        return packed.getinfo(wrong).header_offset if wrong else None
+    return len(raw)
 
 
 def _parquet(raw, path: Path) -> int | None:

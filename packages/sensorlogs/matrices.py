@@ -128,8 +128,8 @@ def rda(path: Path) -> list[Part]:
             if isinstance(value, pd.DataFrame):
                 columns = {str(key): value[key].to_numpy() for key in value}
             elif getattr(value, "dtype", np.dtype(object)).kind in "fiub":
-                matrix = np.asarray(value, dtype=float)
-                matrix = matrix.reshape(len(matrix), -1)  # a vector is one column
+                # A vector is one column.
+                matrix = np.asarray(value, dtype=float).reshape(len(value), -1)
                 names = [f"c{j + 1}" for j in range(matrix.shape[1])]
                 dims = [*getattr(value, "dims", ())]
                 if len(dims) == 2 and dims[1] in value.coords:
@@ -201,9 +201,8 @@ def _objects(path: Path, notes: list[str]) -> Iterator[tuple[int, dict]]:
     """Iterate over the objects: line, object; a last line cut off is left out, and noted."""
     text = content(path)
     if text.lstrip()[:1] == b"[":
-        yield from (
-            (k, item) for k, item in enumerate(json.loads(text), 1) if isinstance(item, dict)
-        )
+        items = enumerate(json.loads(text), 1)
+        yield from ((k, item) for k, item in items if isinstance(item, dict))
         return
     lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
     for number, line in lines:
@@ -229,11 +228,9 @@ def _grouped(path: Path, groups: dict[str, dict[str, Any]], why: str = "") -> li
     """Make one table of the arrays of equal length in each group; scalars are no columns."""
     parts = []
     for group, arrays in groups.items():
-        lengths = grouped(
-            (max(value.shape), (name, value))
-            for name, value in arrays.items()
-            if len(value.shape) in (1, 2) and max(value.shape) > 1
-        )
+        flat = {name: value for name, value in arrays.items() if len(value.shape) in (1, 2)}
+        long = {name: value for name, value in flat.items() if max(value.shape) > 1}
+        lengths = grouped((max(value.shape), (name, value)) for name, value in long.items())
         for rows, mine in lengths.items():
             first = mine[0][0]
             label = group if group and len(lengths) == 1 else f"{group}/{first}".strip("/")
@@ -273,6 +270,5 @@ def _unit(array: Any) -> str:
 
 def _samples(matrix: np.ndarray) -> np.ndarray:
     """Lay a matrix or vector out as samples by columns."""
-    if matrix.ndim == 1:
-        return matrix[:, None]
-    return matrix.T if matrix.shape[0] < matrix.shape[1] else matrix
+    wide = np.atleast_2d(matrix)
+    return wide.T if wide.shape[0] < wide.shape[1] else wide

@@ -18,7 +18,6 @@ from sensorlogs.names import NAMES
 from sensorlogs.tables import Part
 from sensorlogs.times import BadStamps, Stamps
 
-STANDARD = "the NMEA standard"
 PDOP_HOLD_S = 10.0  # receivers that save on sentences give a GSA every few seconds only
 STEP_BACK_S = 5.0  # a receiver that sets its clock back by less is taken to set it right
 LEAP_S = 60.0  # a leap forward at the first fix, of a clock that was not yet set
@@ -33,11 +32,10 @@ _CLOCK = rb"\d\d:\d\d:\d\d(?:[.,]\d+)?"
 _STAMP = rb"\d{4}-\d\d-\d\d[T ]" + _CLOCK + rb"(?:Z|[+-]\d\d:?\d\d)?|" + _CLOCK
 _STAMP += rb"|\d{1,19}(?:\.\d+)?"
 _APART = rb"[^0-9A-Za-z$\r\n]{0,8}"  # a separator, of whatever signs
-_HOST = re.compile(rb"(?m)^" + _APART + rb"(" + _STAMP + rb")" + _APART + rb"(?=\$|\r?$)")
+_HOSTED = _APART + rb"(" + _STAMP + rb")" + _APART
+_HOST = re.compile(rb"(?m)^" + _HOSTED + rb"(?=\$|\r?$)")
 _BREAK = re.compile(rb"[\r\n]+")
-_STAMPED_BREAK = re.compile(
-    rb"[\r\n]+(?:" + _APART + rb"(?:" + _STAMP + rb")" + _APART + rb"(?:[\r\n]+|(?=,)))?"
-)
+_STAMPED_BREAK = re.compile(rb"[\r\n]+(?:" + _HOSTED + rb"(?:[\r\n]+|(?=,)))?")
 Sentence = tuple[int, NMEAMessage]
 _POSITION = ("lat_deg", "lon_deg")
 _FIELDS = NAMES["nmea"]
@@ -134,7 +132,7 @@ def epochs(messages: list[Sentence]) -> pd.DataFrame:
 
 def parts(path: Path) -> list[Part]:
     """List the one table of a log: its epochs."""
-    return [Part("NMEA", COLUMNS, lambda: read_table(path), told_by=STANDARD)]
+    return [Part("NMEA", COLUMNS, lambda: read_table(path), told_by="the NMEA standard")]
 
 
 def read_table(path: Path) -> Table:
@@ -181,10 +179,8 @@ def read_table(path: Path) -> Table:
     again = np.union1d(again, np.searchsorted(found["offset"], banners)).astype(int)
     again = again[(again > 0) & (again < len(t))]
     if len(again):
-        notes.append(
-            f"{place(again[0])}: the receiver starts again, or its clock jumps, here first: "
-            f"{len(again) + 1} starts"
-        )
+        said = f"the receiver starts again, or its clock jumps, here first: {len(again) + 1} starts"
+        notes.append(f"{place(again[0])}: {said}")
     stamps = Stamps(t - t[0], float(t[0]), which, (), again, _start(found, t, notes))
     fix = found["fix"] & found[[*_POSITION]].notna().all(axis=1)
     names = (*_POSITION, "height_m", "separation_m", "speed_m_s", "course_deg")
@@ -213,10 +209,9 @@ def _host_time(raw: bytes, found, notes, name) -> tuple[np.ndarray | None, str]:
     except BadStamps:
         return None, ""
     t = stamps.on_clock
-    missing = np.flatnonzero(~np.isfinite(t))
-    if len(missing):  # before the first stamp: count back a second an epoch
-        first = int(np.argmax(np.isfinite(t)))
-        t[missing] = t[first] - (first - missing)
+    early = np.flatnonzero(~np.isfinite(t))  # before the first stamp: count back a second an epoch
+    first = int(np.argmax(np.isfinite(t)))
+    t[early] = t[first] - (first - early)
     notes += [f"{name}: {note}" for note in stamps.notes]
     notes.append(f"{name}: the time is that of the host's stamps between the sentences")
     return t, stamps.clock

@@ -223,11 +223,10 @@ def _dataflash_parts(
         return []
     rows = np.ascontiguousarray(raw[offsets[:, None] + np.arange(3, form.len)]).view(layout)[:, 0]
     instance = next((n for n in form.columns if n in ("I", "Instance")), None)
-    groups = {form.name: rows}
-    if instance and rows[instance].dtype.kind in "iu":
-        each = np.unique(rows[instance])
-        if len(each) > 1:
-            groups = {f"{form.name}/{k}": rows[rows[instance] == k] for k in each}
+    numbered = instance and rows[instance].dtype.kind in "iu"
+    each = np.unique(rows[instance]) if numbered else ()
+    groups = {f"{form.name}/{k}": rows[rows[instance] == k] for k in each}
+    groups = groups if len(each) > 1 else {form.name: rows}
     parts = []
     for label, mine in groups.items():
         columns = {}

@@ -399,10 +399,8 @@ def _channel(
 def _missing(table: Table, lost: Sequence[tuple]) -> Iterator[str]:
     """Say what is missing, in one sentence for each reason, whatever the number of columns."""
     for reason, each in grouped((why, rest) for why, *rest in lost).items():
-        places = (
-            f"{count:,} of {len(table.frame):,} in {column}, first in {table.where(row)}"
-            for count, row, column in each
-        )
+        of = f"of {len(table.frame):,} in"
+        places = (f"{n:,} {of} {name}, first in {table.where(row)}" for n, row, name in each)
         yield f"{table.file}: values are missing{reason}: {'; '.join(places)}"
 
 

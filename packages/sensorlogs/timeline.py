@@ -215,9 +215,8 @@ def plausible(gnss: Gnss, place: Callable[[int], str], notes: list[str]) -> Gnss
     for kind, (where, *names) in kinds.items():
         gnss = gnss.without(where, *names)
         if where.any():
-            notes.append(
-                f"{place(int(np.argmax(where)))}: {kind}, here first: {where.sum():,} left out"
-            )
+            first = place(int(np.argmax(where)))
+            notes.append(f"{first}: {kind}, here first: {where.sum():,} left out")
     return replace(gnss, has_fix=gnss.has_fix & ~(off | zero | unseen))
 
 

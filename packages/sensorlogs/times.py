@@ -219,8 +219,8 @@ def _from_text(name: str, column: np.ndarray, unit: str | None) -> Stamps:
         clock, read_as = DAY, "clock time"
     else:
         clock, read_as = UNIX, "date and time"
-        with warnings.catch_warnings():  # pandas warns when it cannot guess one common format
-            warnings.simplefilter("ignore", UserWarning)
+        # pandas warns when it cannot guess one common format
+        with warnings.catch_warnings(action="ignore", category=UserWarning):
             read = functools.partial(pd.to_datetime, texts, errors="coerce", utc=True)
             dates = read(format="ISO8601")
             if dates.isna().mean() > 0.5:  # the day or the month first: what takes less time
@@ -340,9 +340,8 @@ def rising(
             f"and in {len(refused) - 1:,} of {len(t_s):,} rows; sort the file, or cut it there"
         )
     if late.size:
-        notes.append(
-            f"{place(late[0])}: {counted(late.size, 'row')} not later than the row before, left out"
-        )
+        rows = counted(late.size, "row")
+        notes.append(f"{place(late[0])}: {rows} not later than the row before, left out")
     return np.flatnonzero(behind < 0)
 
 

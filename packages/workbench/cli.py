@@ -333,10 +333,9 @@ def replay(
 
 def _numbers(text, mark):
     """Read the numbers between marks; none at all where one of them is none."""
-    try:
+    with contextlib.suppress(ValueError):
         return tuple(float(part) for part in text.split(mark))
-    except ValueError:
-        return ()
+    return ()
 
 
 def _interval(text):

@@ -125,11 +125,9 @@ def _told(found, units):
         about |= {"drift": plain(clock.drift), "named": clock.named, "note": offset.note}
         clocks.append(about | {"undated": clock.undated})
     rows = [(pair, _dated(pair, zero, start)) for pair in found.pairs]
+    stated = [([pair.a, pair.b], {k: plain(e) for k, e in row.items()}) for pair, row in rows]
     parts = [
-        [
-            {"units": [pair.a, pair.b]} | {k: plain(e) for k, e in row.items() if k.endswith(unit)}
-            for pair, row in rows
-        ]
+        [{"units": two} | {k: e for k, e in row.items() if k.endswith(unit)} for two, row in stated]
         for unit in ("_m", "_deg")
     ]
     entries = (entry[0] if len(names) == 2 else entry for entry in (clocks, *parts))

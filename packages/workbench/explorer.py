@@ -82,9 +82,7 @@ def _on_real_map():
     parts = store.read("inverse-design").tables["parts"]
     chosen = parts.query("map == 'measured map error' and start == 'stationary'")
     reach = chosen.groupby("tracker")["error_m"].agg(["min", "max"])
-    return {
-        tracker: sorted({f"{m:.2g}" for m in ends}, key=float) for tracker, ends in reach.T.items()
-    }
+    return {key: sorted({f"{m:.2g}" for m in ends}, key=float) for key, ends in reach.T.items()}
 
 
 def _parts():

@@ -342,7 +342,7 @@ def _axis(channel, source, strict):
     if as_seen and lacks["slow"]:
         bias = as_seen[1:3]
     walks = (conventions.diffusion(*bias) if bias else 0.0), K.value or 0.0
-    one = (conventions.stationary(K.value, FOREVER), FOREVER) if K.value else (None, None)
+    one = (K.value * np.sqrt(FOREVER / 2), FOREVER) if K.value else (None, None)
     sigma_b, corr_time = bias or one
     return {
         "channel": channel["name"],
@@ -408,18 +408,15 @@ def stand_in(channel, source, white):
     def curve_of(x):
         return UnifiedModel(np.exp(x[2]) / np.sqrt(dt), np.exp(x[1]), np.exp(x[0])).adev(tau, dt)
 
+    def misfit(x):
+        return np.log(curve_of(x) / adev) / band
+
     known = 1e-9 if white else 10.0  # natural logarithm, how far N may move
     middle = np.log([adev.min(), np.sqrt(SLOW * span), level])
     reach = np.array([10.0, np.log(span / SLOW) / 2, known])
-    fits = [
-        least_squares(
-            lambda x: np.log(curve_of(x) / adev) / band,
-            [middle[0], np.log(time), middle[2]],
-            bounds=(middle - reach, middle + reach),
-            loss="soft_l1",
-        )
-        for time in np.geomspace(2 * SLOW, span / PART, 5)
-    ]
+    way = {"bounds": (middle - reach, middle + reach), "loss": "soft_l1"}
+    times = np.geomspace(2 * SLOW, span / PART, 5)
+    fits = [least_squares(misfit, [middle[0], np.log(t), middle[2]], **way) for t in times]
     best = min(fits, key=lambda fit: fit.cost).x
     sigma_b, corr_time, N = (float(f"{v:.3g}") for v in np.exp(best))  # what the fit is good to
     of_both, of_white = curve_of(np.log([sigma_b, corr_time, white or N])), level / np.sqrt(tau)

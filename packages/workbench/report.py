@@ -54,7 +54,7 @@ def write(log, out, *, part=None, command=""):
     with pages.folder(out, earlier) as draft:
         _draw(result, draft / "figures", verdict.placed(model, atlas))
         pages.put(draft / "exports", texts)
-        page = _page(told, draft / "figures")
+        page = pages.page("report.html", told, pictures=pictures(draft / "figures"))
         pages.put(draft, {"model.json": store.as_json(model), "report.html": page})
     return told
 
@@ -105,23 +105,22 @@ def hours_to_record(channel, dt):
     # The hours grow with the correlation time, which has an interval of its own.
     time = channel.parameters["corr_time"]
     times = (time.low, time.high) if time.resolved else ()
+    each = [plan, *(replace(plan, corr_time=t) for t in times)]
     try:
-        hours, *ends = (
-            {SYMBOLS[name]: h for name, h in one.hours_needed(dt, verdict.KNOWN).items()}
-            for one in [plan, *(replace(plan, corr_time=t) for t in times)]
-        )
+        hours, *ends = (one.hours_needed(dt, verdict.KNOWN) for one in each)
     except WrongUsage as error:
         return {}, Said("no_plan", {"why": str(error)})
     plans = []
     lasts = (channel.whole[0][-1] + channel.whole[0][0]) / 3600
     for name, needed in hours.items():
         spans = None
-        if name in (SYMBOLS["sigma_b"], SYMBOLS["corr_time"]):
+        if name in ("sigma_b", "corr_time"):
             known = (h[name] for h in (hours, *ends) if ends)
             spans = sorted(known, key=lambda h: (h is None, h))
             needed = max(needed, lasts) if needed and at_least else needed  # it was not enough
-        plans.append((name, needed, spans))
-    return hours, Said("record", {"plans": plans, "at_least": at_least})
+        plans.append((SYMBOLS[name], needed, spans))
+    said = Said("record", {"plans": plans, "at_least": at_least})
+    return {SYMBOLS[name]: h for name, h in hours.items()}, said
 
 
 def _draw(result, folder, atlas):
@@ -144,10 +143,6 @@ def _atlas(atlas):
     fig = plt.figure(figsize=(figures.DOUBLE, 4.6))
     plots.atlas(fig, atlas)
     return fig
-
-
-def _page(told, folder):
-    return pages.page("report.html", told, pictures=pictures(folder))
 
 
 def draw(jobs, folder, **origin):
@@ -175,10 +170,8 @@ def _save(job, **origin):
 
 def pictures(folder):
     """Give the figures of a folder as a page holds them: name -> PNG as text."""
-    return {
-        path.stem: base64.b64encode(path.read_bytes()).decode()
-        for path in sorted(folder.glob("*.png"))
-    }
+    files = sorted(folder.glob("*.png"))
+    return {path.stem: base64.b64encode(path.read_bytes()).decode() for path in files}
 
 
 def figures_of(out, file, names):

@@ -331,7 +331,6 @@ def execute(path, notebook, to, scratch=None):
     with tqdm(total=cells, desc=path.stem, unit="cell", disable=None) as bar:
         client = NotebookClient(
             notebook,
-            timeout=None,
             kernel_name="python3",
             record_timing=False,
             extra_arguments=["--log-level=ERROR"],  # a reader needs only the kernel's errors

@@ -85,10 +85,8 @@ def long_enough(result, needed):
         names, halves = zip(*found[state, symbol], strict=True)
         about = {"symbol": symbol, "names": _axes(names, every), "several": len(names) > 1}
         said.append(Said(state, about | {"percent": math.ceil(100 * max(halves))}))
-    hours, symbol, name = max(
-        ((h, s, name) for name, plan in needed.items() for s, h in plan.items() if h),
-        default=(0.0, "", ""),
-    )
+    plans = ((h, s, name) for name, plan in needed.items() for s, h in plan.items() if h)
+    hours, symbol, name = max(plans, default=(0.0, "", ""))
     slow = [symbol for state, symbol in found if state == "short" and symbol in ("B", "σ_b")]
     if hours > max(seconds / 3600, 1 / 60):
         about = {"symbol": symbol, "name": name, "hours": hours, "within": KNOWN}
