@@ -215,6 +215,8 @@ def test_a_name_that_stands_twice_is_stated(tmp_path):
     both = logs.read(path, columns=[2, 3], unit="deg/s")
     assert len(both.channels) == 2 and both.repairs == ()
     refused(WrongUsage, r"\(column 3\): no unit is known", logs.read, path, columns=[2, 3])
+    path = write(tmp_path, [f"{line},0.1" for line in lines()], "t_s,gx (column 4),gx,gx")
+    assert [c.name for c in logs.read(path, columns=[3], unit="deg/s").channels] == ["gx"]
 
 
 @pytest.mark.parametrize("encoding", ["cp1252", "utf-8"])

@@ -235,8 +235,10 @@ def _names(fields: list[str]) -> tuple[str, ...]:
     known: set[str] = set()  # of ten thousand columns, a list is slow to look through
     for number, field in enumerate(fields, 1):
         name = printable(field.strip().strip('"').strip()) or f"c{number}"
-        names.append(f"{name} (column {number})" if name in known else name)
-        known.add(names[-1])
+        while name in known:
+            name += f" (column {number})"
+        names.append(name)
+        known.add(name)
     return tuple(names)
 
 

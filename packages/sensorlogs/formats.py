@@ -181,8 +181,7 @@ FORMATS: dict[str, Format] = {  # the first that tells
 
 def plain(path: Path) -> Path:
     """Return the file itself, or what it holds if it is gzipped."""
-    with path.open("rb") as handle:
-        packed = handle.read(2) == b"\x1f\x8b"
+    packed = delimited.content(path, 2) == b"\x1f\x8b"
     return archives.once(archives.gunzip, path) if packed else path
 
 

@@ -148,8 +148,10 @@ def not_read(parts: Sequence[Part], chosen: Sequence[Part]) -> list[str]:
 
 def listed(parts: Sequence[Part]) -> str:
     """Name tables and their rows."""
-    rows = ["" if p.rows is None else f" ({counted(p.rows, 'row')})" for p in parts]
-    texts = [printable(p.name) + of for p, of in zip(parts[:LISTED], rows, strict=False)]
+    texts = [
+        printable(p.name) + ("" if p.rows is None else f" ({counted(p.rows, 'row')})")
+        for p in parts[:LISTED]
+    ]
     more = f" and {len(parts) - LISTED} more" if len(parts) > LISTED else ""
     return ", ".join(texts) + more
 
