@@ -23,7 +23,7 @@ from analysis.noise.over_models import lowest
 from analysis.resampling import quantiles
 from analysis.terrain.monte_carlo import ErrorPlane
 from analysis.terrain.trends import line_and_square
-from analysis.units.metrics import ANGLES
+from analysis.units.frame import ANGLES
 from analysis.units.side_by_side import Comparison, Pair
 
 __all__ = [

@@ -335,7 +335,7 @@ def test_a_bias_is_found_beside_the_plateau_of_endless_times():
     model, dt, _ = coverage.models()["tokimec-yaw"]
     y = model.simulate(432_000, dt, rng_of(coverage.streams("tokimec-yaw", 1)[0]))
     likelihood = NoiseLikelihood(spectrum.transform(y, dt))
-    found = inference.fit_all(likelihood, rate=False, near={})["N+GM"]
+    found = inference.fit_all(likelihood, rate=False, near={})[0]["N+GM"]
     assert likelihood.profile(found, "corr_time", np.geomspace(200.0, 1e6, 20)).min() > -1e-3
 
 

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from analysis import Estimate
 from analysis.noise import added_terms, inference, profile_likelihood, spectrum
 from analysis.noise.disturbances import Disturbance
-from analysis.noise.fit import MODELS, Fit, NoiseLikelihood
+from analysis.noise.fit import MODELS, Fit, NoiseLikelihood, choose
 from analysis.noise.inference import Inference
 from analysis.noise.likelihood import Terms, evaluate
 from analysis.noise.models import FLICKER, UnifiedModel
@@ -325,7 +325,8 @@ def test_averaging_goes_on_until_no_filter_shows(case, averaged, monkeypatch):
     def fit_all(likelihood, rate, near):
         times = {"corr_time": [case.get("time", 9.0) if at[-1] < 4 else 9.0]}
         slow = replace(fitted("N+GM", 0.0), terms=SIZES | times)
-        return {"N": fitted("N", case.get("N", 9.0)), "N+GM": slow}
+        fits = {"N": fitted("N", case.get("N", 9.0)), "N+GM": slow}
+        return fits, choose(fits.values())
 
     stubs = {
         "lines": lambda y, dt: ((), []), "spectra": spectra, "fit_all": fit_all,
@@ -361,7 +362,8 @@ def test_which_models_are_fitted_from_which():
             return fitted(model, aic - gain * model.endswith("+Q"))
 
         near, likelihood = fitted("N+K", 0.0), SimpleNamespace(fit=fit, as_bias=lambda walk: walk)
-        fits = inference.fit_all(likelihood, rate=rate, near={"N+K": near})
+        fits, chosen = inference.fit_all(likelihood, rate=rate, near={"N+K": near})
+        assert chosen is choose(fits.values())
         models = {0: [], 1: ["N+GM+Q"], 7: [f"{m}+Q" for m in MODELS]}[extra]
         assert list(fits)[:7] == list(MODELS) and sorted(fits) == sorted([*MODELS, *models])
         simpler = {"N+K": ([], ["N+K"]), "N": ([], []), "N+GM+K": (["N+GM", "N+K"], []),
@@ -452,7 +454,7 @@ def test_terms_are_added_as_long_as_they_are_clearly_better(offered, kept, rival
 
     stubbed(
         monkeypatch, candidates=offer, NoiseLikelihood=likelihood, weaker_noise=lambda *_: None,
-        fit_all=lambda likelihood, rate, near: near,
+        fit_all=lambda likelihood, rate, near: (near, near["N"]),
         replace=lambda of, **new: Growing(**vars(of) | new),
     )  # fmt: skip
     coarse = SimpleNamespace(duration=1e4, without=lambda terms, sizes: coarse, placed=replace)

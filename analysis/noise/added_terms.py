@@ -33,7 +33,6 @@ from analysis.noise.spectrum import outline, transform
 RISE = {"warm_up": (4.0, 14.0), "step": (19.0, 25.0), "temperature": (6.0, 12.0)}
 SLOW_STEP = 30.0
 RISE |= {"sinusoid": RISE["step"], "slow step": (SLOW_STEP, SLOW_STEP)}
-MOST_TERMS, MOST_OTHERS = 6, 3  # after the third term only steps: a strong sinusoid has side lobes
 COARSE = 2048  # means of the log on which terms are searched for
 WARM_UPS = 20  # time constants tried
 STEPS = 160  # positions at which the variance of a step's size is computed; a quarter if it is slow
@@ -260,12 +259,10 @@ class Coarse:
 
         Terms that coincide have none: infinite.
         """
-        columns = self.columns(terms)
         try:
-            fit = evaluate(transform(self.y, self.dt, self.m, columns), noise)
+            return evaluate(transform(self.y, self.dt, self.m, self.columns(terms)), noise).deviance
         except np.linalg.LinAlgError:
             return np.full(len(noise.sigma_v), np.inf)
-        return fit.deviance
 
     def instead_of_line(self, terms, time_constant, noise):
         """Rise of -2 ln L when a warm-up takes the place of the straight line.

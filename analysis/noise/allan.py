@@ -281,8 +281,7 @@ def _variances(y, m):
     """Allan variances of a log, their standard errors, and the share of it that is there."""
     valid = np.isfinite(y)
     if valid.all():
-        avar, spread = _second_differences(_running_sum(y), m)
-        return avar, spread, np.ones(len(m))
+        return *_second_differences(_running_sum(y), m), np.ones(len(m))
     level = y[valid].mean() if valid.any() else 0.0
     sums = np.zeros((3, len(y) + 1))  # of values less their mean, of squares, of what is there
     np.subtract(y, level, out=sums[0, 1:], where=valid)

@@ -126,9 +126,9 @@ def adjusted(estimate: Estimate, name: str, disturbances: Iterable[Disturbance])
 
 
 def _known(y):
-    """Index the readings that are there, and give them; no index and no copy if all are."""
+    """Index the readings that are there, and give them; without a copy if all are."""
     there = np.isfinite(y)
-    return (None, y) if there.all() else (np.flatnonzero(there), y[there])
+    return (range(len(y)), y) if there.all() else (np.flatnonzero(there), y[there])
 
 
 def of_samples(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
@@ -194,8 +194,7 @@ def spikes(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
     if not first:
         return marked, []
     for i, length in zip(order[:first], lengths, strict=False):
-        span = slice(runs[i][0] + 1, runs[i][0] + 1 + length)
-        marked[span if there is None else there[span]] = True
+        marked[there[runs[i][0] + 1 : runs[i][0] + 1 + length]] = True
     at = dt * np.flatnonzero(marked)
     note = said("spikes", count=first, at=at[0], smallest=x[first - 1])
     return marked, [Disturbance("spikes", at[0], at[-1], note)]
@@ -232,7 +231,7 @@ def stuck(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
     if not len(runs):
         return marked, []
     for start, last in runs:
-        marked[slice(start, last + 1) if there is None else there[start : last + 1]] = True
+        marked[there[start : last + 1]] = True
     at = np.flatnonzero(marked) * dt
     note = said("stuck", total=marked.sum() * dt, at=at[0])
     return marked, [Disturbance("stuck", at[0], at[-1], note)]
@@ -350,7 +349,6 @@ def increments(means, width):
     Increments or None
     """
     there, means = _known(means)
-    there = range(len(means)) if there is None else there
     k = len(there) // (2 * PARTS**2)
     if k < LEAST:
         return None

@@ -338,18 +338,51 @@ def choose(fits):
     return min(near, key=lambda f: (len(f.point), not f.model.startswith(UNIFIED), f.aic))
 
 
+def fit_all(likelihood, *, rate, near):
+    """Fit every model, the richer from the simpler; a rate with quantisation, if that is better.
+
+    Parameters
+    ----------
+    likelihood : NoiseLikelihood
+    rate : bool
+    near : dict of str, Fit
+        Fits of the same log in another band, to start from; may be empty.
+
+    Returns
+    -------
+    fits : dict of str, Fit
+    chosen : Fit
+        Of them, as `choose` has it.
+    """
+    fits = {}
+
+    def fit(model, *simpler):
+        known = [near[model]] if model in near else []
+        walk = fits.get(model.replace(UNIFIED, "N+K"))
+        if walk and model.removesuffix(QUANTISED) == UNIFIED:
+            known.append(likelihood.as_bias(walk))
+        fits[model] = likelihood.fit(model, [fits[name] for name in simpler], known)
+
+    for model in MODELS:
+        fit(model, *SIMPLER.get(model, ()))
+    best = choose(fits.values())
+    if rate:
+        fit(best.model + QUANTISED, best.model)
+        if choose(fits.values()) is not best:
+            for model in MODELS:
+                simpler = SIMPLER.get(model, ["N"] if model != "N" else [])
+                fit(model + QUANTISED, *(name + QUANTISED for name in simpler))
+    return fits, choose(fits.values())
+
+
 def rows(points, names):
     """Convert rows of logarithms of parameters, shape (rows, d), to `Terms`."""
     values = np.exp(points)
     columns = dict(zip(names, values.T, strict=True))
     pairs = [(i, i + 1) for i, name in enumerate(names) if name == "walk"]
-    return Terms(
-        sigma_v=columns["sigma_v"],
-        bias=tuple((values[:, i] * np.sqrt(values[:, j] / 2), values[:, j]) for i, j in pairs),
-        rrw=columns.get("rrw"),
-        flicker=columns.get("flicker"),
-        quantisation=columns.get("quantisation"),
-    )
+    bias = tuple((values[:, i] * np.sqrt(values[:, j] / 2), values[:, j]) for i, j in pairs)
+    others = {name: columns.get(name) for name in ("rrw", "flicker", "quantisation")}
+    return Terms(columns["sigma_v"], bias, **others)
 
 
 def _named(point, names, low):

@@ -142,9 +142,7 @@ def stationarity_of(coarse: Coarse, noise: Terms) -> tuple[Test, list[Disturbanc
     band = int(ruled[0]) + 1 if len(ruled) else n  # coefficients in which slow noise rules
     if band < FEWEST_SLOW:
         return Test(0.0, None, said("untested")), []
-    y, line = (
-        _interleaved(c[None])[0, :n] for c in _coefficients(np.stack([coarse.y, coarse.time]))
-    )
+    y, line = _interleaved(_coefficients(np.stack([coarse.y, coarse.time])))[:, :n]
     y = y - (line * inverse * y).sum() / (line * inverse * line).sum() * line
     whitened = np.where(np.arange(n) < band, y * np.sqrt(inverse), 0.0)
     series = idct(whitened, type=2, norm="ortho") * np.sqrt(n / band)  # of variance one
@@ -156,9 +154,8 @@ def stationarity_of(coarse: Coarse, noise: Terms) -> tuple[Test, list[Disturbanc
     top = int(there[np.argmax(np.abs(series[there]))])
     near_top = np.array([max(top - n // band, 0), min(top + n // band, n - 1)])
     beyond = 4 * band * norm.sf(abs(series[top]))
-    found = [
-        (p, "slow_power", part, x, 100 * x) for p, part, x in zip(chance, parts, off, strict=True)
-    ]
+    k = int(np.argmin(chance))
+    found = [(chance[k], "slow_power", parts[k], off[k], 100 * off[k])]
     found.append((beyond, "slow_peak", near_top, series[top], abs(series[top])))
     least, code, part, off, size = min(found, key=lambda one: one[0])
     least = min(float(least), 1.0)

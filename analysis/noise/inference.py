@@ -22,33 +22,14 @@ import numpy as np
 from scipy.stats import norm
 
 from analysis import CannotAnswer, Estimate
-from analysis.noise.added_terms import (
-    MOST_OTHERS,
-    MOST_TERMS,
-    AddedTerm,
-    Coarse,
-    candidates,
-    subtracted,
-    weaker_noise,
-)
+from analysis.noise.added_terms import AddedTerm, Coarse, candidates, subtracted, weaker_noise
 from analysis.noise.autocorrelation import block_means
 from analysis.noise.disturbances import EXACT, Disturbance, adjusted, lines, of_samples, uneven
-from analysis.noise.fit import (
-    MODELS,
-    QUANTISED,
-    SIMPLER,
-    UNIFIED,
-    WITH_WALK,
-    Fit,
-    NoiseLikelihood,
-    choose,
-    direction,
-    rows,
-)
+from analysis.noise.fit import UNIFIED, WITH_WALK, Fit, NoiseLikelihood, direction, fit_all, rows
 from analysis.noise.goodness import Test, by_octave, goodness_of_fit, stationarity_of
 from analysis.noise.likelihood import bin_variance, evaluate, simulate
 from analysis.noise.notes import listed, said
-from analysis.noise.over_models import PART, Floor, envelope
+from analysis.noise.over_models import PART, Floor, envelope, widest
 from analysis.noise.parameters import BY_TERM, DENSITY, SLOW, unit_of
 from analysis.noise.profile_likelihood import LEVEL, THRESHOLD, interval
 from analysis.noise.spectrum import USED, fewest_to_average, spectra
@@ -60,6 +41,7 @@ MARGIN = 2  # doublings beyond the first band without a visible filter
 BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
 SELECTED = 30  # correlation times; the values of logs that hold fewer are a selection
 FOLDED = 0.23  # of the white noise of means comes from shorter periods: 1 - mean of sinc^2
+MOST_TERMS, MOST_OTHERS = 6, 3  # after the third term only steps: a strong sinusoid has side lobes
 SAME = 0.02  # relative; two terms so close to each other are one
 ENDS = np.geomspace(4, 40, 12)  # time constants of a warm-up that ends in a log, in log lengths
 INSTEAD = said("instead")  # how the note of a drift begins to say so
@@ -179,10 +161,8 @@ class Inference:
 
     def criterion(self):
         """AIC of the best model, with the coefficients of the terms at their best."""
-        return min(
-            2 * len(fit.names) + self.likelihood.evaluate(fit.point[None], fit.names).deviance[0]
-            for fit in self.fits.values()
-        )
+        fits = [(f, self.likelihood.evaluate(f.point[None], f.names)) for f in self.fits.values()]
+        return min(2 * len(fit.names) + found.deviance[0] for fit, found in fits)
 
     def sizes(self):
         """Coefficients of the terms under the chosen noise, and their standard errors, U."""
@@ -230,7 +210,7 @@ class Inference:
             return not (alone and fit.terms.get("corr_time"))
 
         walk = self.estimate("rrw", said("or_a_bias") if alone else "", said("no_end"), alike)
-        _, high = _widest((None, walk.high), (None, bound))
+        _, high = widest((None, walk.high), (None, bound))
         return walk if walk.resolved else replace(walk, high=high)
 
     def bias_instability(self):
@@ -360,8 +340,7 @@ def infer(
         raise CannotAnswer(said("no_stretch"))
     likelihood = NoiseLikelihood(pieces, detrend=detrend)
     while True:
-        fits = fit_all(likelihood, rate=rate, near=fits)
-        chosen = choose(fits.values())
+        fits, chosen = fit_all(likelihood, rate=rate, near=fits)
         misfit, beyond = disagreement(likelihood, chosen)
         # A bias as fast as a filter's is none where a model that is as good does without.
         near = [f for f in fits.values() if f.end == chosen.end and f.aic <= chosen.aic + THRESHOLD]
@@ -443,10 +422,8 @@ def add_terms(result, rate, temperature, transformed):
     while len(result.terms) < MOST_TERMS:
         fits = {f.plain: f for f in result.fits.values() if f.end == result.chosen.end}
         coarse = result.coarse.without(result.terms, result.sizes()[0])
-        rows = weaker_noise(fits, coarse.duration)
-        rise, term = max(
-            candidates(coarse, rows, temperature), key=lambda pair: pair[0] - pair[1].gain
-        )
+        found = candidates(coarse, weaker_noise(fits, coarse.duration), temperature)
+        rise, term = max(found, key=lambda pair: pair[0] - pair[1].gain)
         if rise < term.unsure or (term.kind != "step" and len(result.terms) >= MOST_OTHERS):
             break
         if term.kind == "step" and not term.width:
@@ -455,15 +432,12 @@ def add_terms(result, rate, temperature, transformed):
         if any(abs(term.at - at) <= SAME * at for at in alike):
             break
         terms = (*result.terms, term)
-        wider = NoiseLikelihood(
-            transformed([column for t in terms for column in t.columns]),
-            detrend=result.likelihood.detrend,
-        )
+        columns = [column for t in terms for column in t.columns]
+        wider = NoiseLikelihood(transformed(columns), detrend=result.likelihood.detrend)
         try:
-            wider_fits = fit_all(wider, rate=rate, near=result.fits)
+            wider_fits, chosen = fit_all(wider, rate=rate, near=result.fits)
         except np.linalg.LinAlgError:
             break  # the new term is a sum of others
-        chosen = choose(wider_fits.values())
         other = replace(result, likelihood=wider, fits=wider_fits, chosen=chosen, terms=terms)
         rise = result.criterion() - other.criterion()
         if rise < term.gain:
@@ -472,17 +446,11 @@ def add_terms(result, rate, temperature, transformed):
     return result, None
 
 
-def _widest(own, other):
-    """Give the ends of two intervals together; None where one of them is open."""
-    pairs = zip((min, max), own, other, strict=True)
-    return tuple(None if None in ends else pick(ends) for pick, *ends in pairs)
-
-
 def either(own, other, kind):
     """Widen an estimate to what holds with a further term and without; refuse it where one does."""
     if other is None:
         return own
-    low, high = _widest((own.low, own.high), (other.low, other.high))
+    low, high = widest((own.low, own.high), (other.low, other.high))
     named = kind.replace("_", "-")
     if own.resolved and other.resolved:
         if not low <= 0 <= high:
@@ -498,10 +466,8 @@ def either(own, other, kind):
 def _judged(result, parameters, disturbances):
     """Test the fit, and widen or refuse the parameters that disturbances and misfits affect."""
     goodness, misfits = goodness_of_fit(result.likelihood, result.chosen)
-    stationarity, changes = stationarity_of(
-        result.coarse.without(result.terms, result.sizes()[0]),
-        result.likelihood.terms(result.chosen),
-    )
+    left = result.coarse.without(result.terms, result.sizes()[0])
+    stationarity, changes = stationarity_of(left, result.likelihood.terms(result.chosen))
     terms = tuple(result.fitted_terms())
     disturbances = [*disturbances, *(t.disturbance(result.coarse) for t in terms)]
     disturbances += misfits + changes
@@ -519,41 +485,6 @@ def _judged(result, parameters, disturbances):
         stationarity=stationarity,
         disturbances=disturbances,
     )
-
-
-def fit_all(likelihood, *, rate, near):
-    """Fit every model, the richer from the simpler; a rate with quantisation, if that is better.
-
-    Parameters
-    ----------
-    likelihood : NoiseLikelihood
-    rate : bool
-    near : dict of str, Fit
-        Fits of the same log in another band, to start from; may be empty.
-
-    Returns
-    -------
-    dict of str, Fit
-    """
-    fits = {}
-
-    def fit(model, *simpler):
-        known = [near[model]] if model in near else []
-        walk = fits.get(model.replace(UNIFIED, "N+K"))
-        if walk and model.removesuffix(QUANTISED) == UNIFIED:
-            known.append(likelihood.as_bias(walk))
-        fits[model] = likelihood.fit(model, [fits[name] for name in simpler], known)
-
-    for model in MODELS:
-        fit(model, *SIMPLER.get(model, ()))
-    best = choose(fits.values())
-    if rate:
-        fit(best.model + QUANTISED, best.model)
-        if choose(fits.values()) is not best:
-            for model in MODELS:
-                simpler = SIMPLER.get(model, ["N"] if model != "N" else [])
-                fit(model + QUANTISED, *(name + QUANTISED for name in simpler))
-    return fits
 
 
 def disagreement(likelihood, fit):
@@ -698,12 +629,10 @@ def _lines(stretch, points, names):
     sd : ndarray, shape (rows,), U/s
     """
     parts = []
-    at_once = ROWS[stretch.has_gaps]
-    for some in np.array_split(points, len(points) // at_once):
+    for some in np.array_split(points, len(points) // ROWS[stretch.has_gaps]):
         result = evaluate(stretch, rows(some, names))
         parts.append((result.value - np.log(result.drift_sd), result.drift, result.drift_sd))
-    value, drift, sd = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
-    return value, drift, sd
+    return tuple(np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
 
 
 def _grid(likelihood, fit):

@@ -20,6 +20,8 @@ from scipy.signal import lfilter
 from scipy.special import sici
 
 FLICKER = np.sqrt(2 * np.log(2) / np.pi)  # 0.664: Allan deviation of flicker noise of unit B
+# Terms of a fit, and what `adev_model` calls them.
+IN_ADEV = {"rrw": "rrw", "flicker": "bias_instability", "quantisation": "quantisation"}
 # Comparison paper, section V: "over 200" and "less than 10" degrees per hour.
 DRIFT_DEG_H = {"tokimec-yaw": 220.0, "kvh-yaw": 9.0}
 
@@ -89,10 +91,9 @@ class UnifiedModel:
         -------
         ndarray, shape (n,) or (runs, n), U
         """
-        shape = (n,) if runs is None else (runs, n)
         bias = gauss_markov(n, dt, self.sigma_b, self.corr_time, rng, runs=runs)
         ramp = self.null_shift + self.drift * dt * np.arange(n)
-        return ramp + bias + self.sigma_v * rng.standard_normal(shape)
+        return ramp + bias + self.sigma_v * rng.standard_normal(bias.shape)
 
     def simulate_means(self, n: int, m: int, dt: float, rng: np.random.Generator) -> np.ndarray:
         """Simulate the means of `m` consecutive readings, exactly and without the readings.
@@ -385,8 +386,7 @@ def adev_of_terms(terms: Mapping[str, Sequence[float]], tau: ArrayLike, dt: floa
     -------
     ndarray, U
     """
-    names = {"rrw": "rrw", "flicker": "bias_instability", "quantisation": "quantisation"}
-    single = {names[key]: values[0] for key, values in terms.items() if key in names}
+    single = {IN_ADEV[key]: values[0] for key, values in terms.items() if key in IN_ADEV}
     steady = adev_model(tau, arw=terms["sigma_v"][0] * np.sqrt(dt), **single)
     pairs = zip(terms.get("sigma_b", []), terms.get("corr_time", []), strict=True)
     return np.sqrt(steady**2 + sum(adev_gauss_markov(tau, *pair, dt) ** 2 for pair in pairs))

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.noise.fit import rows
-from analysis.noise.models import FLICKER, adev_gauss_markov, adev_model
+from analysis.noise.models import FLICKER, IN_ADEV, adev_gauss_markov, adev_model
 from analysis.noise.profile_likelihood import THRESHOLD, interval
 
 PART = 10  # of the log: the longest averaging time of a floor
@@ -77,9 +77,14 @@ def envelope(likelihood, fits, what) -> Envelope:
             unlimited = what == "corr_time" or (what == "sigma_b" and "rrw" in fit.names)
             bias = what in ("corr_time", "sigma_b") and fit.plain == "N+K"
             ends.append((np.inf if bias else None, None if unlimited else 0.0))
-    sides = zip((min, max), zip(*ends, strict=True), strict=True)
-    low, high = (None if None in side else pick(side) for pick, side in sides)
+    low, high = widest(*ends)
     return Envelope(low, high, tuple(models), tuple(without))
+
+
+def widest(*intervals):
+    """Give the ends of intervals together; None on a side where one of them is open."""
+    sides = zip((min, max), zip(*intervals, strict=True), strict=True)
+    return tuple(None if None in ends else pick(ends) for pick, ends in sides)
 
 
 class Floor:
@@ -132,8 +137,7 @@ class Floor:
     def _variance(self, points, tau):
         """Allan variance under rows of parameters, shape (rows, tau), U^2."""
         terms = rows(points, self.fit.names)
-        sizes = {"rrw": terms.rrw, "bias_instability": terms.flicker}
-        sizes |= {"quantisation": terms.quantisation}
+        sizes = {name: getattr(terms, term) for term, name in IN_ADEV.items()}
         sizes = {name: size[:, None] for name, size in sizes.items() if size is not None}
         white = terms.sigma_v[:, None] * np.sqrt(self.likelihood.spectrum.dt)
         steady = adev_model(tau, arw=white, **sizes) ** 2

@@ -199,11 +199,9 @@ def calibrate(one_way, other_way, dt):
     """
 
     def mean_residual(angles):
-        each = [
-            np.mean([residuals(lap, AntennaMounting(*angles), dt) for lap in laps], axis=0)
-            for laps in (one_way, other_way)
-        ]
-        return np.mean(each, axis=0)
+        mounting = AntennaMounting(*angles)
+        ways = ([residuals(lap, mounting, dt) for lap in laps] for laps in (one_way, other_way))
+        return np.mean([np.mean(way, axis=0) for way in ways], axis=0)
 
     found = root(mean_residual, np.zeros(3), tol=1e-10)
     return AntennaMounting(*(float(a) for a in found.x))

@@ -155,9 +155,7 @@ class CentreLine:
         )
         spread = w0 * w2 - w1**2
         enough = (w0 >= NEEDED) & (spread > 1e-6 * w0**2 * width**2)
-        out = np.full(len(grid), np.nan)
-        np.divide(w2 * y0 - w1 * y1, spread, out=out, where=enough)
-        return out
+        return np.divide(w2 * y0 - w1 * y1, spread, out=np.full(len(grid), np.nan), where=enough)
 
     def bin_means(self, values, size):
         """Average values on the line's grid over bins of about a size.

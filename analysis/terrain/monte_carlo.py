@@ -135,12 +135,11 @@ class Laps:
 
         square, mean = over_runs((error**2).mean(axis=2)), error.mean(axis=2)
         at_a_moment = np.stack([((weights @ e) ** 2).mean(axis=1) for e in error], axis=1)
-        pooled = square - over_runs(mean) ** 2
         found = {
             "mean": over_runs(np.abs(error).mean(axis=2)),
             "signed mean": over_runs(mean),
             "root mean square": np.sqrt(square),
-            "variance": pooled,
+            "variance": square - over_runs(mean) ** 2,
             "variance over laps at one moment": square - at_a_moment,
             "variance over a lap": square - over_runs(mean**2),
             "lost": over_runs(np.abs(error).max(axis=2) > LOST_M),
@@ -542,8 +541,7 @@ class ErrorPlane:
         x = self.arw if coefficient == "N" else self.sigma_b
         planes = (self.error, self.high, self.low)
         of = (e[0] if coefficient == "N" else e[:, 0] for e in planes)
-        value, low, high = (_largest(x, reach, wanted) for reach in of)
-        return Estimate(value, low, high)
+        return Estimate(*(_largest(x, reach, wanted) for reach in of))
 
     def of(self, sensor: Sensor) -> tuple[float, float]:
         """Error (m) and share of laps lost of a gyro; infinite and NaN beyond the grid.

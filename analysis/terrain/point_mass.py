@@ -136,8 +136,7 @@ def compare_filters(
         z = attitude[:, k, None] + np.sqrt(setup.R) * rng.standard_normal((len(attitude), runs))
         for each in (ukf, grid):
             each.predict(moved[k], q)
-        ukf.update(z, setup.R)
-        grid.update(z, setup.R)
+            each.update(z, setup.R)
         if k % stride == 0:
             errors = [ukf.x[0] - truth[k], grid.mean()[0] - truth[k]]
             stored.append([*errors, ukf.P[0, 0].copy()])

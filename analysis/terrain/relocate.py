@@ -182,16 +182,11 @@ def likelihood(averaged, samples, driven, sensor, setup, places):
         return np.bincount(number[usable], values[usable])[kept] / count[kept]
 
     t, s = means(np.arange(len(back)) / setup.rate_hz), means(back)
-    before = setup.drift_sd(sensor, begin / setup.rate_hz) ** 2
+    before = setup.begin_attitude_sd**2 + setup.drift_sd(sensor, begin / setup.rate_hz) ** 2
     sd, length = setup.map_error or (0.0, 1.0)
-    C = (
-        setup.begin_attitude_sd**2
-        + before
-        + sensor.arw**2 * np.minimum.outer(t, t)
-        + sensor.sigma_b**2 * np.outer(t, t)
-        + sd**2 * np.exp(-np.abs(np.subtract.outer(s, s)) / length)
-        + np.diag(assumed_R(sensor, setup) * setup.every / count[kept])
-    )
+    C = before + sensor.arw**2 * np.minimum.outer(t, t) + sensor.sigma_b**2 * np.outer(t, t)
+    C += sd**2 * np.exp(-np.abs(np.subtract.outer(s, s)) / length)
+    C += np.diag(assumed_R(sensor, setup) * setup.every / count[kept])
     inverse = np.linalg.inv(C)
     place = np.arange(*places, APART)
     of_map = averaged.at(place[:, None] + s)

@@ -45,7 +45,7 @@ class AttitudeMap:
     """
 
     def __init__(self, start, step, attitude):
-        attitude = np.atleast_2d(np.asarray(attitude, dtype=float))
+        attitude = np.atleast_2d(np.asarray(attitude, dtype=float)).round(GRAIN)
         points = attitude.shape[1]
         if points < 3 or not step > 0:
             raise CannotAnswer(
@@ -58,9 +58,8 @@ class AttitudeMap:
                 f"the map has no attitude at {len(gaps)} of {points} points, the first at "
                 f"{start + step * gaps[0]:.1f} m: a filter needs a map without gaps"
             )
-        self.start, self.step, self.attitude = float(start), float(step), attitude.round(GRAIN)
+        self.start, self.step, self.attitude = float(start), float(step), attitude
         # Straight line i is intercept + slope u in u = distance / step; a level one at either end.
-        attitude = self.attitude
         slope = np.diff(attitude, axis=1)
         intercept = attitude[:, :-1] - slope * np.arange(1, points)
         level = np.zeros((len(attitude), 1))

@@ -119,13 +119,8 @@ class Ukf:
         innovation = z - expected
         for i in self.added:
             innovation[0] -= x[i]
-        P_xz = [
-            [
-                root[i][0] * slope[c] + sum(root[i][j] * further[j] for j in range(1, i + 1))
-                for c in range(m)
-            ]
-            for i in range(n)
-        ]
+        of_added = [sum(root[i][j] * further[j] for j in range(1, i + 1)) for i in range(n)]
+        P_xz = [[root[i][0] * slope[c] + of_added[i] for c in range(m)] for i in range(n)]
         K = [_divide(row, S) for row in P_xz]
         for i in range(n):
             for c in range(m):

@@ -21,6 +21,7 @@ from sensorlogs.timeline import Attitude, Gnss, Timeline
 RENEWED_S = 1.5  # a position that repeats for less is a slow receiver, not a standstill
 SMOOTH_S = 1.0  # width of the difference that gives velocity and rates of turn
 FEWEST = 10  # epochs with a position, or with an attitude
+ANGLES = ("roll", "pitch", "yaw")
 APART_M = 50e3  # farther from each other at all times, two units made no common journey
 
 
@@ -61,6 +62,22 @@ class Track:
     def speed(self) -> np.ndarray:
         """Ground speed, (n,), m/s."""
         return np.hypot(*self.velocity.T)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time with a position or an attitude."""
+        t = np.concatenate([self.t_s[self.fixed], self.attitude_t_s])
+        return (float(t.min()), float(t.max())) if len(t) else (np.inf, -np.inf)
+
+    def angles_at(self, t: np.ndarray) -> np.ndarray:
+        """Interpolate roll, pitch and yaw, each on its own; continuous over the ends of a turn.
+
+        Returns
+        -------
+        ndarray, shape (k, 3), deg
+        """
+        angles = unwrapped(self.attitude)
+        return np.hstack([interpolated(t, self.attitude_t_s, angles[:, [k]]) for k in range(3)])
 
     def shifted(self, to_common) -> "Track":
         """The same track with its times changed.
@@ -185,11 +202,8 @@ def _track(name, log, origin) -> Track:
     t, fixed = zero + gnss.t_s, np.isfinite(gnss.lat_deg) & np.isfinite(gnss.lon_deg)
     enu = np.full((len(t), 3), np.nan)
     height = np.where(np.isfinite(gnss.height_m), gnss.height_m, 0.0)
-    enu[fixed] = np.column_stack(
-        pymap3d.geodetic2enu(
-            gnss.lat_deg[fixed], gnss.lon_deg[fixed], height[fixed], *origin, deg=True
-        )
-    )
+    places = (values[fixed] for values in (gnss.lat_deg, gnss.lon_deg, height))
+    enu[fixed] = np.column_stack(pymap3d.geodetic2enu(*places, *origin))
     # The tangent plane falls away from the Earth by 8 m in 10 km; heights stay what they were.
     enu[:, 2] = np.where(fixed, gnss.height_m, np.nan)
     keep = ~_repeated(t, enu[:, :2])
@@ -284,8 +298,7 @@ def interpolated(t: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
     out = np.full((len(t), x.shape[1]), np.nan)
     if len(at) < 2:
         return out
-    slope = np.gradient(x, at, axis=0) if len(at) > 2 else np.diff(x, axis=0) / np.diff(at)[:, None]
-    cubic = CubicHermiteSpline(at, x, np.broadcast_to(slope, x.shape))
+    cubic = CubicHermiteSpline(at, x, np.gradient(x, at, axis=0))
     k = np.clip(np.searchsorted(at, t, side="right") - 1, 0, len(at) - 2)
     step = at[k + 1] - at[k]
     inside = (t >= at[0]) & (t <= at[-1])

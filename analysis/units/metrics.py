@@ -11,14 +11,13 @@ from scipy.stats import t as student
 
 from analysis import CannotAnswer, Estimate, wrap
 from analysis.noise.position import effective_samples
-from analysis.units.frame import Track, interpolated, rate, unwrapped
+from analysis.units.frame import ANGLES, Track, interpolated, rate, unwrapped
 
 MOVING_M_S = 1.0  # above it the direction of travel is known
 TURN_S = 2.0  # width of the difference that gives the rate of turn
 FEWEST = 10.0  # independent samples below which there is no interval
 WINDOW = 5.0  # correlation lengths over which correlations are summed up
 FEWEST_EPOCHS = 10  # common ones
-ANGLES = ("roll", "pitch", "yaw")
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ def differences(a: Track, b: Track, *among: Track) -> Differences:
         If they have no common epochs.
     """
     every = among or (a, b)
-    start, stop = (f(span(u)[k] for u in every) for k, f in ((0, max), (1, min)))
+    start, stop = (f(u.span[k] for u in every) for k, f in ((0, max), (1, min)))
     t = _common([u.t_s[u.fixed] for u in every], start, stop)
     here, there = (interpolated(t, u.t_s, u.enu) for u in (a, b))
     flat = [interpolated(t, u.t_s, u.enu[:, :2]) for u in (a, b)]  # where only heights are missing
@@ -93,13 +92,13 @@ def differences(a: Track, b: Track, *among: Track) -> Differences:
         course = np.where(speed > MOVING_M_S, np.degrees(np.arctan2(*v.T)), np.nan)
     sin, cos = np.sin(np.radians(course)), np.cos(np.radians(course))
     angle_t = _common([u.attitude_t_s for u in every], -np.inf, np.inf)
-    angles = [interpolated_angles(angle_t, u) for u in (a, b)]
+    angles = [u.angles_at(angle_t) for u in (a, b)]
     known = np.isfinite(angles[1] - angles[0]).any(axis=1)
     if not (len(t) or known.any() or among):
         raise CannotAnswer(
             f"{a.name} and {b.name} have no epoch in common: {a.name} runs from "
-            f"{span(a)[0]:.0f} s to {span(a)[1]:.0f} s, {b.name} from {span(b)[0]:.0f} s to "
-            f"{span(b)[1]:.0f} s on the same clock"
+            f"{a.span[0]:.0f} s to {a.span[1]:.0f} s, {b.name} from {b.span[0]:.0f} s to "
+            f"{b.span[1]:.0f} s on the same clock"
         )
     turning = rate(angle_t, angles[0][:, 2:], TURN_S)[:, 0]
     along, cross = enu[:, 0] * sin + enu[:, 1] * cos, enu[:, 0] * cos - enu[:, 1] * sin
@@ -108,29 +107,12 @@ def differences(a: Track, b: Track, *among: Track) -> Differences:
     return Differences(t, enu, along, cross, speed, turn, *of_attitude)
 
 
-def span(track):
-    """First and last time with a position or an attitude."""
-    t = np.concatenate([track.t_s[track.fixed], track.attitude_t_s])
-    return (float(t.min()), float(t.max())) if len(t) else (np.inf, -np.inf)
-
-
 def _common(every, start, stop):
     """Take the epochs of the slowest of some series, where all last."""
     if not all(map(len, every)):
         return np.empty(0)
     start, stop = max(start, *(t[0] for t in every)), min(stop, *(t[-1] for t in every))
     return min((t[(t >= start) & (t <= stop)] for t in every), key=len)
-
-
-def interpolated_angles(t: np.ndarray, track: Track) -> np.ndarray:
-    """Interpolate roll, pitch and yaw, each on its own; continuous over the ends of a turn.
-
-    Returns
-    -------
-    ndarray, shape (k, 3), deg
-    """
-    angles = unwrapped(track.attitude)
-    return np.hstack([interpolated(t, track.attitude_t_s, angles[:, [k]]) for k in range(3)])
 
 
 def about_their_mean(angles: np.ndarray) -> np.ndarray:

@@ -16,16 +16,8 @@ from tqdm import tqdm
 from analysis import CannotAnswer, Estimate, wrap
 from analysis.units.clock import Clock, clock_offset, least_squares, lever_and_shift, stands_still
 from analysis.units.events import Apart, Event, disagreements, find_events
-from analysis.units.frame import Track, interpolated, local_tracks, rate, unwrapped
-from analysis.units.metrics import (
-    ANGLES,
-    Differences,
-    about_their_mean,
-    differences,
-    interpolated_angles,
-    span,
-    trajectory_metrics,
-)
+from analysis.units.frame import ANGLES, Track, interpolated, local_tracks, rate, unwrapped
+from analysis.units.metrics import Differences, about_their_mean, differences, trajectory_metrics
 from analysis.units.variances import Variances, unit_variances
 from sensorlogs.timeline import Timeline
 
@@ -168,7 +160,7 @@ def _clock(a: Track, b: Track, notes) -> Clock:
     try:
         clock = clock_offset(a, b)
     except CannotAnswer as error:
-        start, stop = (f(span(a)[k], span(b)[k]) for k, f in ((0, max), (1, min)))
+        start, stop = (f(a.span[k], b.span[k]) for k, f in ((0, max), (1, min)))
         if not (stands_still(a) and stands_still(b)):
             raise
         if stop <= start or a.clock != b.clock:
@@ -262,7 +254,7 @@ def conventions(b: Track, a: Track | None = None) -> tuple[Track, tuple[str, ...
     angles, said, t = b.attitude.copy(), [], b.attitude_t_s
     reference = b if a is None else a
     if a is not None and len(a.attitude_t_s):
-        theirs, name = unwrapped(interpolated_angles(t, a)), "the {} of " + a.name
+        theirs, name = unwrapped(a.angles_at(t)), "the {} of " + a.name
     else:  # a course tells of the yaw alone
         theirs, name = np.full(angles.shape, np.nan), "the course of " + reference.name
         theirs[:, 2] = unwrapped(_course(t, reference)[:, None])[:, 0]
@@ -404,7 +396,7 @@ def apart(a: Track, b: Track, d: Differences) -> list[Apart]:
 
 def _heading(a, d):
     """Heading of a at the positions of d, deg: its yaw, or else its course; 0 without either."""
-    yaw = interpolated_angles(d.t_s, a)[:, 2]
+    yaw = a.angles_at(d.t_s)[:, 2]
     if not np.isfinite(yaw).any():
         yaw = np.where(d.speed_m_s > 2.0, _course(d.t_s, a), np.nan)
     known = np.isfinite(yaw)

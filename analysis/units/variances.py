@@ -161,14 +161,9 @@ def _hat(x, s):
     hat = (s.sum(axis=1) - pairs / (count - 1)) / (count - 2)
     freedom = np.empty(count)
     for i in range(count):
-        others = [j for j in range(count) if j != i]
-        products = [(x[i] - x[j]) * (x[i] - x[k]) for j, k in combinations(others, 2)]
-        gaussian = np.mean(
-            [
-                s[i, j] * s[i, k] + ((s[i, j] + s[i, k] - s[j, k]) / 2) ** 2
-                for j, k in combinations(others, 2)
-            ]
-        )
+        j, k = np.transpose([pair for pair in combinations(range(count), 2) if i not in pair])
+        products = (x[i] - x[j]) * (x[i] - x[k])
+        gaussian = np.mean(s[i, j] * s[i, k] + ((s[i, j] + s[i, k] - s[j, k]) / 2) ** 2)
         spread = np.mean([np.var(p) for p in products])
         n = effective_samples(np.mean(products, axis=0))
         freedom[i] = max(n * min(1.0, gaussian / spread), 2.0)
