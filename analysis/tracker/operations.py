@@ -81,9 +81,7 @@ def cholesky_inverse(m):
     """
     third = (m**3 - m) // 6
     factor = Counter(sums=third, products=third, divisions=m * (m - 1) // 2, functions=m)
-    triangle = Counter(
-        sums=(m**3 - 3 * m**2 + 2 * m) // 6, products=third, divisions=m * (m + 1) // 2
-    )
+    triangle = Counter(sums=m * (m - 1) * (m - 2) // 6, products=third, divisions=m * (m + 1) // 2)
     return factor + triangle + Counter(sums=third, products=third + m * (m + 1) // 2)
 
 
