@@ -211,17 +211,21 @@ def _register(name):
     return (figures_folder() or FIGURES) / f"{name}.csv"
 
 
+def _known(name, columns):
+    """Read a table that all notebooks share; before one has written, there is an empty one."""
+    csv = _register(name)
+    return pd.read_csv(csv, dtype={"unit": str}) if csv.exists() else pd.DataFrame(columns=columns)
+
+
 def _write_down(name, notebook, rows, columns, in_order):
     """Put the rows of one notebook in place of its earlier ones in a table that all share."""
     if figures_folder() is None:  # run by hand
         return
     path = _register(name)
     path.parent.mkdir(parents=True, exist_ok=True)  # for the lock
-    parts = [pd.DataFrame(rows, columns=columns)]
     with FileLock(path.with_suffix(".lock")):  # other notebooks may be writing theirs
-        if path.exists():
-            known = pd.read_csv(path, dtype={"unit": str})
-            parts.insert(0, known[known["notebook"] != notebook])
+        known = _known(name, columns)
+        parts = [known[known["notebook"] != notebook], pd.DataFrame(rows, columns=columns)]
         parts = [part for part in parts if len(part)] or parts
         table = pd.concat(parts, ignore_index=True)
         with replacing(path) as draft:
@@ -237,18 +241,11 @@ def verdicts() -> pd.DataFrame:
         paper, where, claim; verdict, and its ``outcome`` without condition or reason; value, low,
         high, unit, and these four in words as ``reproduced``; ``published`` in words; notebook.
     """
-    path = _register("claims")
-    known = (
-        pd.read_csv(path, dtype={"unit": str}).set_index("id")
-        if path.exists()
-        else pd.DataFrame(columns=COLUMNS[1:])
-    )
-    register = published()
+    known, register = _known("claims", COLUMNS).set_index("id"), published()
     table = register[["paper", "where", "claim", "unit"]].join(known.drop(columns="unit"))
     table["verdict"] = table["verdict"].astype(object).fillna(NOT_YET)
-    table["outcome"] = table["verdict"].str.extract(
-        f"^({'|'.join(sorted(OUTCOMES, reverse=True))})"
-    )[0]
+    outcomes = "|".join(sorted(OUTCOMES, reverse=True))
+    table["outcome"] = table["verdict"].str.extract(f"^({outcomes})")[0]
     table["published"] = [_published(row) for _, row in register.iterrows()]
     table["reproduced"] = [_in_words(row) for _, row in table.iterrows()]
     for claim, row in table[table["as_a_car_does"].notna()].iterrows():

@@ -113,9 +113,8 @@ def save(
             _keep_place(ax.get_legend())
             thin(ax, STYLE["savefig.dpi"] / fig.dpi)
         table = plotted_numbers(fig)
-        origin = provenance.collect(name, caption, seed, dict(data or {}), parameters) | {
-            "axes": axes_of(fig)
-        }
+        origin = provenance.collect(name, caption, seed, dict(data or {}), parameters)
+        origin["axes"] = axes_of(fig)
         text = json.dumps(origin, ensure_ascii=False)
         picture = _picture(fig, STYLE["savefig.dpi"])
         with mock.patch.object(backend_pdf, "PdfFile", _RoundedPdf):

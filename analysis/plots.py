@@ -354,7 +354,9 @@ def curves(axes: Sequence[Axes], measured: pd.DataFrame, swept: str, y_label: st
     for ax in axes:
         ax.plot(x, middle, color="k", lw=2, label="average of the curves")
         ax.fill_between(x, low, high, **band)
-        ax.set_ylabel(y_label)
+        ax.set(xlabel=AXIS[swept], ylabel=y_label)
+        ax.locator_params(axis="x", nbins=4)
+        ax.xaxis.set_major_formatter("{x:g}")
     one, line, square = line_and_square(x).T
     for shape, color, word in ((line, "C3", "line"), (square, "C1", "square")):
         basis = np.stack([one, shape], axis=1)
@@ -367,10 +369,6 @@ def curves(axes: Sequence[Axes], measured: pd.DataFrame, swept: str, y_label: st
     axes[0].yaxis.set_major_locator(LogLocator(subs=ticks))
     axes[0].yaxis.set_major_formatter("{x:g}")
     axes[0].yaxis.set_minor_formatter(NullFormatter())
-    for ax in axes:
-        ax.set_xlabel(AXIS[swept])
-        ax.locator_params(axis="x", nbins=4)
-        ax.xaxis.set_major_formatter("{x:g}")
     handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
     handles |= dict(zip(*reversed(axes[1].get_legend_handles_labels()), strict=True))
     axes[0].figure.legend(handles.values(), handles, loc="outside lower center", ncols=4)
@@ -564,11 +562,9 @@ def units_differences(pair: Pair, zero: float) -> Figure:
     """
     d = pair.differences
     lengths = {"along track": d.along_m, "cross track": d.cross_m, "height": d.enu[:, 2]}
+    angles = dict(zip(ANGLES, d.attitude.T, strict=True))
     rows = [(f"{n} (m)", d.t_s, x, d.turn_deg_s) for n, x in lengths.items()]
-    rows += [
-        (f"{n} (°)", d.attitude_t_s, x, d.attitude_turn_deg_s)
-        for n, x in zip(("roll", "pitch", "yaw"), d.attitude.T, strict=True)
-    ]
+    rows += [(f"{n} (°)", d.attitude_t_s, x, d.attitude_turn_deg_s) for n, x in angles.items()]
     rows = [row for row in rows if np.isfinite(row[2]).sum() > 10]
     fig = plt.figure(figsize=(DOUBLE, 0.5 + 1.15 * len(rows)), layout="constrained")
     axes = fig.subplots(len(rows), 2, squeeze=False, width_ratios=(3, 1))

@@ -22,7 +22,6 @@ from typing import NamedTuple
 import allantools
 import numpy as np
 import pandas as pd
-import scipy
 from pynmeagps import GET, NMEAMessage
 
 from analysis import static_logs, store, terrain_data
@@ -39,6 +38,7 @@ from analysis.tracker.scenarios import scenario
 from sensorlogs.moving import read_moving
 from sensorlogs.static import Channel, Log
 from sensorlogs.timeline import Gnss
+from studies.cells import versions
 
 SEED = 2011  # of the terrain benchmarks
 GYRO, DT = UnifiedModel(0.04, 200.0, 0.005), 0.01  # terrain paper, Table 1, at 100 Hz
@@ -308,11 +308,10 @@ def write(rows, folder):
     rows : sequence of (str, Measured)
     folder : path-like
     """
-    versions = {"python": platform.python_version(), "numpy": np.__version__}
     source = {
         "title": "Speed of this package and of its peers, each part in one run on one machine",
         "made_by": "python -m analysis benchmark --out FOLDER",
-        "versions": versions | {"scipy": scipy.__version__},
+        "versions": {"python": platform.python_version()} | versions("numpy", "scipy"),
     }
     table = pd.DataFrame([{"part": part, **measured._asdict()} for part, measured in rows])
     table["machine"] = f"{os.cpu_count()} cores ({processor()})"

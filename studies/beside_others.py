@@ -189,10 +189,8 @@ def summary(rows):
     medians = {key: (key, "median") for key in ("width", "median", "seconds")}
     first = {"first": ("value", lambda values: values.iloc[0])}
     table = grouped.agg(truth=("truth", "first"), **shares, **medians, **first).reset_index()
-    ends = [
-        share(held.dropna()) if held.count() else Estimate(None, None, None)
-        for _, held in grouped["held"]
-    ]
+    each = (held.dropna() for _, held in grouped["held"])
+    ends = [share(held) if len(held) else Estimate(None, None, None) for held in each]
     low, high = np.array([(e.low, e.high) for e in ends], dtype=float).T
     return table.assign(runs=runs, held_low=low, held_high=high)
 

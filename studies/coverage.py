@@ -19,18 +19,11 @@ import pandas as pd
 from scipy.signal import butter, lfilter, lfilter_zi
 
 from analysis import CannotAnswer, WrongUsage, static_logs, store
-from analysis.noise import characterise, graph, recipes
+from analysis.noise import characterise, graph, models_of_table_one, recipes
 from analysis.noise.allan import allan_deviation, fit_line
 from analysis.noise.fit import UNIFIED
 from analysis.noise.inference import INSTEAD
-from analysis.noise.models import (
-    FLICKER,
-    UnifiedModel,
-    adev_of_terms,
-    flicker_noise,
-    gauss_markov,
-    models_of_table_one,
-)
+from analysis.noise.models import FLICKER, UnifiedModel, adev_of_terms, flicker_noise, gauss_markov
 from analysis.noise.over_models import lowest
 from analysis.units import unit_variances
 from sensorlogs.static import Channel, Log
@@ -181,10 +174,8 @@ def broken():
             other[what] = replace(sensor, sigma_v=times * sensor.sigma_v), sensor
         steep = zip(2 * size * np.sqrt(STEEP / STEEP.sum()), STEEP, strict=True)
         other["steep"] = (replace(white, faster=tuple(steep)),) * 2
-        other["popcorn"], other["quick-bias"] = (
-            (of(corr_time=FLIPS / 2), white),
-            (of(corr_time=100.0),) * 2,
-        )
+        other["popcorn"] = of(corr_time=FLIPS / 2), white
+        other["quick-bias"] = (of(corr_time=100.0),) * 2
         for what, (says, disturb) in disturbances(size, sensor.sigma_v).items():
             if name == "terrain" or what in ON_EVERY_SENSOR:
                 cell = Broken(f"{gyro}: {says}", *other.get(what, (sensor, sensor)), disturb)
@@ -548,17 +539,12 @@ def summary(rows):
         ratio=ratio.replace(np.inf, np.nan),
     )
     quantiles = {"median": 0.5, "q025": 0.025, "q975": 0.975}
-    table = (
-        judged.groupby(["estimator", "parameter"], sort=False)
-        .agg(
-            truth=("truth", "first"),
-            runs=("run", "size"),
-            **{share: (share, "mean") for share in ("resolved", *JUDGED)},
-            mean=("ratio", "mean"),
-            **{k: ("ratio", partial(pd.Series.quantile, q=q)) for k, q in quantiles.items()},
-        )
-        .reset_index()
-    )
+    of_ratio = {k: ("ratio", partial(pd.Series.quantile, q=q)) for k, q in quantiles.items()}
+    of_ratio = {"mean": ("ratio", "mean")} | of_ratio
+    shares = {share: (share, "mean") for share in ("resolved", *JUDGED)}
+    grouped = judged.groupby(["estimator", "parameter"], sort=False)
+    table = grouped.agg(truth=("truth", "first"), runs=("run", "size"), **shares, **of_ratio)
+    table = table.reset_index()
     # A random constant goes with the mean: no log of it alone bounds its standard deviation.
     constant = (table["parameter"] == "sigma_b") & np.isinf(truth.max())
     has = ~table["estimator"].isin((UNSELECTED, RECIPE)) & ~constant
@@ -604,9 +590,8 @@ def _hat(units):
     cell, run, stream = units
     sigma, times, n, rho = HATS[cell]
     rng = np.random.default_rng(stream)
-    x = np.array(
-        [gauss_markov(n, 1.0, 1.0, t, rng) if t else rng.standard_normal(n) for t in times]
-    ).reshape(3, n)
+    drawn = [gauss_markov(n, 1.0, 1.0, t, rng) if t else rng.standard_normal(n) for t in times]
+    x = np.array(drawn)
     x[1] = rho * x[0] + np.sqrt(1 - rho**2) * x[1]
     row = {"cell": cell, "run": run}
     try:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from analysis import STANDARD_GRAVITY, Estimate, wrap
+from analysis import STANDARD_GRAVITY, Estimate, resampling, wrap
 from analysis.tracker.at_rest import SIGMA_FORCE, SIGMA_RATE, StaticTest
 from analysis.tracker.device import Options
 from analysis.tracker.last_position import Frame
@@ -148,10 +148,8 @@ def bridged(
             if known and fast and epoch.t_s - last >= every_s:
                 last = epoch.t_s
                 steps.append((copy.deepcopy(device), epoch))
-    table = pd.DataFrame(
-        [{"t_s": t, "seconds": seconds} | errors for (t, seconds), errors in found.items()]
-    )
-    return table.dropna(ignore_index=True)
+    table = pd.DataFrame.from_dict(found, "index").rename_axis(["t_s", "seconds"])
+    return table.reset_index().dropna(ignore_index=True)
 
 
 def _without_fixes(since, epoch, given, lengths, name, found):
@@ -207,16 +205,13 @@ def mounting_regression(
     """
     found = steps(gnss, imu)
     design = np.column_stack([found.change, found.speed * found.turn, np.ones(len(found.dt))])
-    force = found.force
+    force, many = found.force, len(found.dt)
     value = _angle(design, force)
-    starts = np.arange(0, max(1, len(force) - BLOCK + 1))
-    angles = []
-    for _ in range(runs):
-        at = rng.choice(starts, size=-(-len(force) // BLOCK))
-        rows = (at[:, None] + np.arange(BLOCK)).ravel()
-        angles.append(_angle(design[rows % len(force)], force[rows % len(force)]))
-    low, high = np.quantile(wrap(np.array(angles) - value), [0.025, 0.975])
-    return Estimate(value, value + low, value + high, "deg")
+    starts = rng.integers(0, max(1, many - BLOCK + 1), (runs, -(-many // BLOCK)))
+    drawn = (starts[..., None] + np.arange(BLOCK)).reshape(runs, -1) % many
+    angles = np.array([_angle(design[rows], force[rows]) for rows in drawn])
+    low, high = value + resampling.interval(wrap(angles - value))
+    return Estimate(value, low, high, "deg")
 
 
 def _angle(design, force):

@@ -45,9 +45,8 @@ NAMED = {  # interpretations that are rerun beside the best
 
 def judge(interpretation, *, laps, seed, compiled):
     """Compute one cell: claim -> its number, share of the resamples in its range."""
-    found = terrain_data.roads().evaluate(
-        Interpretation.of(interpretation), laps=laps, seed=seed, compiled=compiled
-    )
+    one = Interpretation.of(interpretation)
+    found = terrain_data.roads().evaluate(one, laps=laps, seed=seed, compiled=compiled)
     return {claim: tuple(row) for claim, row in found[["value", "inside"]].iterrows()}
 
 

@@ -89,9 +89,8 @@ def runs():
 def _interval(of, rng, measure=np.mean, resamples=RESAMPLES):
     """95 % interval of a measure, laps and draws (rows and columns) drawn again."""
     laps, draws = (resampling.drawn(n, resamples, rng) for n in of.shape[:2])
-    return resampling.interval(
-        np.array([measure(of[np.ix_(a, b)]) for a, b in zip(laps, draws, strict=True)])
-    )
+    found = [measure(of[np.ix_(a, b)]) for a, b in zip(laps, draws, strict=True)]
+    return resampling.interval(np.array(found))
 
 
 def _of_share(of, rng):

@@ -21,12 +21,11 @@ from analysis.tracker.device import Options
 from analysis.tracker.evaluate import outage_errors
 from analysis.tracker.log_replay import replay
 from analysis.tracker.motion import time_lag, vehicle
-from analysis.tracker.scenarios import scenario
+from analysis.tracker.scenarios import KMH, scenario
 from sensorlogs import datasets, read_moving
 from sensorlogs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu
 from studies import drives, seed
 
-KMH = 1 / 3.6
 NMEA_DRIVES = {
     "Munich": "car-genivi/munich-gps.nmea.gz",
     "Switzerland": "car-genivi/20100403_Z205_Switzerland.txt.gz",
@@ -37,6 +36,14 @@ PARKED = (3744.0, 5009.0)  # s: the longest stationary period of the drive, 1265
 STEP_DEG = 30.0  # between the known angles by which an IMU is turned
 SEED = seed(33)  # of the reference's bootstrap
 ROOF = [f"car-roof-imu/{f}" for f in ("imu_1934.csv", "imu_1934.csv.tag", "gnss_1934_sf.pos")]
+FILES = {  # ride -> its raw file in the registry
+    "racebox": "racebox-laps/02_racebox-micro-on-bike-example.csv",
+    "car": "car-phone-balzer/2014-03-26-000-Data.csv",
+    "phone-drive": "phone-drives/2023-08-09_12-47-42.csv",
+    "genivi-car": "car-genivi/20160209_RPi_GENIVI_Regensburg.log",
+    "car-roof": ROOF[0],
+    "phone-walk": "phone-drives/2025-06-14_21-17-02.csv",
+}
 STANDING = {"car-roof": 0.1, "genivi-car": 0.3, "phone-drive": 0.1}  # m/s, by RTK and by receivers
 GENIVI = {  # the CSVs of such a log: name -> columns
     "gnss": "t_ms lat_deg lon_deg height_m speed_m_s course_deg pdop satellites fix fix_mode",
@@ -68,10 +75,9 @@ RACEBOX, BALZER, PHONE = (
 
 
 class Ride(NamedTuple):
-    """One raw log: title, file in the registry, and the function that reads its table."""
+    """One raw log of `FILES`: title, and the function that reads its table."""
 
     title: str
-    file: str
     reader: Callable
 
 
@@ -92,7 +98,7 @@ def read(name):
     CannotAnswer
         If the raw file is not on this machine.
     """
-    path = datasets.path(RIDES[name].file)
+    path = datasets.path(FILES[name])
     gnss, imu, notes = RIDES[name].reader(path)
     return Timeline(gnss, imu, None, notes, {path.name: datasets.sha256(path)})
 
@@ -185,30 +191,12 @@ def _roof(path):
 
 
 RIDES = {
-    "racebox": Ride(
-        "motorbike on a race track, 8 laps",
-        "racebox-laps/02_racebox-micro-on-bike-example.csv",
-        _racebox,
-    ),
-    "car": Ride(
-        "car in a town, phone at 50 Hz", "car-phone-balzer/2014-03-26-000-Data.csv", _balzer
-    ),
-    "phone-drive": Ride(
-        "phone in a car, 5209 s at 1 Hz, 1265 s of them parked",
-        "phone-drives/2023-08-09_12-47-42.csv",
-        _phone,
-    ),
-    "genivi-car": Ride(
-        "car in and about a town, IMU at 10 Hz",
-        "car-genivi/20160209_RPi_GENIVI_Regensburg.log",
-        _genivi,
-    ),
-    "car-roof": Ride("car with an IMU on its roof at 100 Hz, and RTK", ROOF[0], _roof),
-    "phone-walk": Ride(
-        "phone that loses GNSS underway: accuracies up to 1100 m",
-        "phone-drives/2025-06-14_21-17-02.csv",
-        _phone,
-    ),
+    "racebox": Ride("motorbike on a race track, 8 laps", _racebox),
+    "car": Ride("car in a town, phone at 50 Hz", _balzer),
+    "phone-drive": Ride("phone in a car, 5209 s at 1 Hz, 1265 s of them parked", _phone),
+    "genivi-car": Ride("car in and about a town, IMU at 10 Hz", _genivi),
+    "car-roof": Ride("car with an IMU on its roof at 100 Hz, and RTK", _roof),
+    "phone-walk": Ride("phone that loses GNSS underway: accuracies up to 1100 m", _phone),
 }
 
 
@@ -288,8 +276,7 @@ def stops():
             biases.append(_bias_change(log, spells).assign(ride=name))
     found = {"verdicts": verdicts, "roc": curves, "each": each, "bias": biases}
     tables = {k: store.rounded(pd.concat(v, ignore_index=True), 4) for k, v in found.items()}
-    title = "Rest of three cars, by the tests of block 3"
-    return {"title": title} | datasets.origin(*(RIDES[name].file for name in STANDING)), tables
+    return _several("Rest of three cars, by the tests of block 3", STANDING), tables
 
 
 def _bias_change(log, spells):
@@ -317,8 +304,7 @@ def outages():
     rides = {name: read(name) for name in WHEELS}
     ends = [drives.bridged(of).assign(ride=name) for name, of in rides.items()]
     tables = {"ends": pd.concat(ends, ignore_index=True), "smoothed": _looked_back(rides)}
-    title = "Outages of 10, 30 and 60 s on the rides of four cars"
-    source = {"title": title} | datasets.origin(*(RIDES[name].file for name in WHEELS))
+    source = _several("Outages of 10, 30 and 60 s on the rides of four cars", WHEELS)
     return source, {name: store.rounded(table, 6) for name, table in tables.items()}
 
 
@@ -360,8 +346,7 @@ def vehicles():
                 moves = vehicle(log.gnss.without(others, "speed_m_s"), log.imu)
                 pieces.append({"ride": name, "seconds": seconds, "kind": moves.kind})
     counts = pd.DataFrame(pieces).value_counts(sort=False).reset_index(name="pieces")
-    source = {"title": "How four cars and a motorbike move"}
-    source |= datasets.origin(*(RIDES[name].file for name in names))
+    source = _several("How four cars and a motorbike move", names)
     return source, {"rides": store.rounded(pd.DataFrame(rides), 3), "pieces": counts}
 
 
@@ -462,9 +447,14 @@ def _metres(gnss, columns, rows, zero):
     return found
 
 
+def _several(title, names):
+    """State what a table of several rides is, and where they are from."""
+    return {"title": title} | datasets.origin(*(FILES[name] for name in names))
+
+
 def _source(name, log):
     """State where a ride is from and what was done to it."""
-    from_file = datasets.origin(RIDES[name].file)
+    from_file = datasets.origin(FILES[name])
     ((file, sha256),) = from_file.pop("files").items()
     about = {"title": RIDES[name].title, "file": file.split("/")[1], "sha256": sha256}
     return about | from_file | {"notes": list(log.notes)}

@@ -142,7 +142,7 @@ def car_attitude():
         ``angles``: reported and own (``own_``, at its rate of once a second) angles, the rate
         about the vertical, and the sum of it; ``gnss``: speed and course.
     """
-    log, name = rides.read("car"), rides.RIDES["car"].file
+    log, name = rides.read("car"), rides.FILES["car"]
     raw = pd.read_csv(datasets.path(name), low_memory=False)
     t = log.imu.t_s
     angles = {"t_s": np.arange(np.ceil(t[0]), t[-1], CAR_S).round(3)}
@@ -229,9 +229,8 @@ def aerobatic():
         table[f"own_{angle}_deg"] = out[f"{angle}_deg"].round(1)
     table["gyro_z_deg"] = np.interp(epochs, t, _turned(imu)).round(1)
     table["load_g"] = np.interp(epochs, t, -imu.accel_b[:, 2] / STANDARD_GRAVITY).round(2)
-    return _source("fixed-wing UAV, 613 s of aerobatics", AEROBATIC), {
-        "flight": pd.DataFrame(table)
-    }
+    source = _source("fixed-wing UAV, 613 s of aerobatics", AEROBATIC)
+    return source, {"flight": pd.DataFrame(table)}
 
 
 def comma_log():

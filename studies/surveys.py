@@ -194,15 +194,9 @@ def surface():
 
 def _laps(sensors, setup, runs, seed):
     """Track laps of the test track, stored at a hundred moments."""
-    return simulate_laps(
-        terrain_data.profile(DIRECTION).attitude_map(),
-        sensors,
-        setup,
-        runs=runs,
-        seed=seed,
-        store_every=setup.seconds / 100,
-        compiled=HAS_NUMBA and not setup.bias_states,
-    )
+    road = terrain_data.profile(DIRECTION).attitude_map()
+    how = {"store_every": setup.seconds / 100, "compiled": HAS_NUMBA and not setup.bias_states}
+    return simulate_laps(road, sensors, setup, runs=runs, seed=seed, **how)
 
 
 def _variance_of_map():

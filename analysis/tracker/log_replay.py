@@ -106,9 +106,7 @@ def replay(
     rows, unexplained, marks = [], [], []
     devices: list[Device] = []
     straights: list[Straight] = []
-    for epoch, row, device, _ in stepped(
-        timeline, options, stored, smooth, lever, progress=progress
-    ):
+    for epoch, row, device, _ in stepped(timeline, options, stored, smooth, lever, progress):
         if device not in devices[-1:]:
             devices.append(device)
         if device.mounting.straight not in (None, *straights[-1:]):
@@ -167,7 +165,7 @@ def motion(timeline: Timeline) -> tuple[Estimate, Vehicle]:
     return lag, vehicle(gnss, replace(imu, t_s=imu.t_s + (lag.value or 0.0)))
 
 
-def stepped(timeline, options, stored=None, smooth=False, lever=NO_LEVER, *, progress=False):
+def stepped(timeline, options, stored=None, smooth=False, lever=NO_LEVER, progress=False):
     """Run a log epoch by epoch, for what needs to look inside the device.
 
     Parameters

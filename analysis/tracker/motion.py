@@ -92,11 +92,9 @@ def steps(gnss: Gnss, imu: Imu) -> Steps:
     inside = (imu.t_s >= t[0]) & (imu.t_s < t[-1])
     at, many = np.searchsorted(t, imu.t_s[inside], side="right") - 1, len(t) - 1
     count = np.bincount(at, minlength=many)[:many]
-    force, rate = (
-        np.array([np.bincount(at, a, minlength=many)[:many] for a in readings[inside].T])
-        / np.maximum(count, 1)
-        for readings in (imu.accel_b, imu.gyro_b)
-    )
+    readings = np.hstack([imu.accel_b, imu.gyro_b])[inside].T
+    sums = np.array([np.bincount(at, a, minlength=many)[:many] for a in readings])
+    force, rate = np.split(sums / np.maximum(count, 1), 2)
     dt, mean_v = np.diff(t), (v[1:] + v[:-1]) / 2
     turned = np.radians(wrap(np.diff(course)))
     use = (dt > 0) & (dt < LONGEST) & (mean_v > SLOWEST) & np.isfinite(turned) & (count > 0)

@@ -31,7 +31,7 @@ from analysis import STANDARD_GRAVITY
 from analysis.noise.models import gauss_markov
 from analysis.noise.position import AT_PDOP, DRIFTS, WHITE
 from analysis.tracker.last_position import Stored
-from sensorlogs.timeline import Gnss, Imu, Timeline, inject_outages
+from sensorlogs.timeline import OF_FIX, Gnss, Imu, Timeline, inject_outages
 
 KMH = 1 / 3.6
 
@@ -424,18 +424,12 @@ def _measure(
     east = position[at, 1] + pdop * error[1] + settling * np.sin(direction)
     velocity = v_n[at, :2] + gnss.speed_m_s * pdop[:, None] * rng.standard_normal((m, 2))
     lat, lon, _ = pymap3d.ned2geodetic(north, east, 0.0, *Scenario.origin)
-    readings = {
-        "lat_deg": lat,
-        "lon_deg": lon,
-        "height_m": Scenario.origin[2],
-        "speed_m_s": np.hypot(*velocity.T),
-        "course_deg": np.degrees(np.arctan2(velocity[:, 1], velocity[:, 0])) % 360,
-    }
+    height, speed = np.full(m, Scenario.origin[2]), np.hypot(*velocity.T)
+    over_ground = speed, np.degrees(np.arctan2(velocity[:, 1], velocity[:, 0])) % 360
     fix = pdop < 99.0
-    given = {name: np.where(fix, reading, np.nan) for name, reading in readings.items()}
-    fixes = Gnss(t_s=t[at], pdop=pdop, has_fix=fix, **given)
+    fixes = Gnss(t[at], lat, lon, height, pdop, *over_ground, fix).without(~fix, *OF_FIX)
     return Scenario(
-        log=Timeline(fixes, Imu(t, gyro, accel), None, (), {}),
+        log=Timeline(fixes, Imu(t, gyro, accel)),
         north_m=position[at, 0],
         east_m=position[at, 1],
         speed_m_s=v[at],
