@@ -36,14 +36,6 @@ PARKED = (3744.0, 5009.0)  # s: the longest stationary period of the drive, 1265
 STEP_DEG = 30.0  # between the known angles by which an IMU is turned
 SEED = seed(33)  # of the reference's bootstrap
 ROOF = [f"car-roof-imu/{f}" for f in ("imu_1934.csv", "imu_1934.csv.tag", "gnss_1934_sf.pos")]
-FILES = {  # ride -> its raw file in the registry
-    "racebox": "racebox-laps/02_racebox-micro-on-bike-example.csv",
-    "car": "car-phone-balzer/2014-03-26-000-Data.csv",
-    "phone-drive": "phone-drives/2023-08-09_12-47-42.csv",
-    "genivi-car": "car-genivi/20160209_RPi_GENIVI_Regensburg.log",
-    "car-roof": ROOF[0],
-    "phone-walk": "phone-drives/2025-06-14_21-17-02.csv",
-}
 STANDING = {"car-roof": 0.1, "genivi-car": 0.3, "phone-drive": 0.1}  # m/s, by RTK and by receivers
 GENIVI = {  # the CSVs of such a log: name -> columns
     "gnss": "t_ms lat_deg lon_deg height_m speed_m_s course_deg pdop satellites fix fix_mode",
@@ -75,9 +67,10 @@ RACEBOX, BALZER, PHONE = (
 
 
 class Ride(NamedTuple):
-    """One raw log of `FILES`: title, and the function that reads its table."""
+    """One raw log: title, file in the registry, and the function that reads its table."""
 
     title: str
+    file: str
     reader: Callable
 
 
@@ -98,7 +91,7 @@ def read(name):
     CannotAnswer
         If the raw file is not on this machine.
     """
-    path = datasets.path(FILES[name])
+    path = datasets.path(RIDES[name].file)
     gnss, imu, notes = RIDES[name].reader(path)
     return Timeline(gnss, imu, None, notes, {path.name: datasets.sha256(path)})
 
@@ -191,12 +184,30 @@ def _roof(path):
 
 
 RIDES = {
-    "racebox": Ride("motorbike on a race track, 8 laps", _racebox),
-    "car": Ride("car in a town, phone at 50 Hz", _balzer),
-    "phone-drive": Ride("phone in a car, 5209 s at 1 Hz, 1265 s of them parked", _phone),
-    "genivi-car": Ride("car in and about a town, IMU at 10 Hz", _genivi),
-    "car-roof": Ride("car with an IMU on its roof at 100 Hz, and RTK", _roof),
-    "phone-walk": Ride("phone that loses GNSS underway: accuracies up to 1100 m", _phone),
+    "racebox": Ride(
+        "motorbike on a race track, 8 laps",
+        "racebox-laps/02_racebox-micro-on-bike-example.csv",
+        _racebox,
+    ),
+    "car": Ride(
+        "car in a town, phone at 50 Hz", "car-phone-balzer/2014-03-26-000-Data.csv", _balzer
+    ),
+    "phone-drive": Ride(
+        "phone in a car, 5209 s at 1 Hz, 1265 s of them parked",
+        "phone-drives/2023-08-09_12-47-42.csv",
+        _phone,
+    ),
+    "genivi-car": Ride(
+        "car in and about a town, IMU at 10 Hz",
+        "car-genivi/20160209_RPi_GENIVI_Regensburg.log",
+        _genivi,
+    ),
+    "car-roof": Ride("car with an IMU on its roof at 100 Hz, and RTK", ROOF[0], _roof),
+    "phone-walk": Ride(
+        "phone that loses GNSS underway: accuracies up to 1100 m",
+        "phone-drives/2025-06-14_21-17-02.csv",
+        _phone,
+    ),
 }
 
 
@@ -449,12 +460,12 @@ def _metres(gnss, columns, rows, zero):
 
 def _several(title, names):
     """State what a table of several rides is, and where they are from."""
-    return {"title": title} | datasets.origin(*(FILES[name] for name in names))
+    return {"title": title} | datasets.origin(*(RIDES[name].file for name in names))
 
 
 def _source(name, log):
     """State where a ride is from and what was done to it."""
-    from_file = datasets.origin(FILES[name])
+    from_file = datasets.origin(RIDES[name].file)
     ((file, sha256),) = from_file.pop("files").items()
     about = {"title": RIDES[name].title, "file": file.split("/")[1], "sha256": sha256}
     return about | from_file | {"notes": list(log.notes)}

@@ -142,7 +142,7 @@ def car_attitude():
         ``angles``: reported and own (``own_``, at its rate of once a second) angles, the rate
         about the vertical, and the sum of it; ``gnss``: speed and course.
     """
-    log, name = rides.read("car"), rides.FILES["car"]
+    log, name = rides.read("car"), rides.RIDES["car"].file
     raw = pd.read_csv(datasets.path(name), low_memory=False)
     t = log.imu.t_s
     angles = {"t_s": np.arange(np.ceil(t[0]), t[-1], CAR_S).round(3)}
