@@ -20,7 +20,7 @@ from analysis.noise.parameters import random_walk_unit
 
 TOLERANCE = 0.1  # a slope counts as -1/2 or +1/2 within this
 # Band over chi-square interval from where on an interval is widened: 89 to 100 % of quarters of
-# real logs agree then (notebook 15), and floors of stationary logs are covered in 92 to 100 %.
+# real logs agree then (notebook 15), and floors of stationary logs are covered in 89 to 99 %.
 WANDERS, WHITE_WANDERS = 1.5, 2.0
 SPAN = 0.3  # decades over which a slope is measured, and over which it must hold
 
