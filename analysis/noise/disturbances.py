@@ -231,7 +231,8 @@ def stuck(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
     if not len(runs):
         return marked, []
     for start, last in runs:
-        marked[there[start : last + 1]] = True
+        marked[there[start] : there[last] + 1] = True
+    marked &= np.isfinite(y)
     at = np.flatnonzero(marked) * dt
     note = said("stuck", total=marked.sum() * dt, at=at[0])
     return marked, [Disturbance("stuck", at[0], at[-1], note)]

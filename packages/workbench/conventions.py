@@ -36,6 +36,11 @@ def diffusion(sigma_b, corr_time):
     return sigma_b * np.sqrt(2 / corr_time)
 
 
+def stationary(diffusion, corr_time):
+    """Invert `diffusion`: sigma_b = K sqrt(T_c / 2), U."""
+    return diffusion * np.sqrt(corr_time / 2)
+
+
 def floor(arw, sigma_b, corr_time, dt):
     """Lowest point of the Allan deviation left of the hump of the Gauss-Markov bias.
 

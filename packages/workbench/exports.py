@@ -342,7 +342,7 @@ def _axis(channel, source, strict):
     if as_seen and lacks["slow"]:
         bias = as_seen[1:3]
     walks = (conventions.diffusion(*bias) if bias else 0.0), K.value or 0.0
-    one = (K.value * np.sqrt(FOREVER / 2), FOREVER) if K.value else (None, None)
+    one = (conventions.stationary(K.value, FOREVER), FOREVER) if K.value else (None, None)
     sigma_b, corr_time = bias or one
     return {
         "channel": channel["name"],
