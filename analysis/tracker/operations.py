@@ -8,6 +8,7 @@ paper's table.
 """
 
 import copy
+import operator
 from collections import Counter, deque
 
 import numpy as np
@@ -85,13 +86,23 @@ def cholesky_inverse(m):
     return factor + triangle + Counter(sums=third, products=third + m * (m + 1) // 2)
 
 
-def _operator(kind, operate):
-    """Make an operator of `Counted` from that of a float."""
-    return lambda self, *others: self.result(operate(self, *others), kind)
+def _operator(kind, operate, *, swapped=False):
+    """Make an operator of `Counted` that counts itself."""
+
+    def method(self, other):
+        pair = (float(other), self.value) if swapped else (self.value, float(other))
+        return self.result(operate(*pair), kind)
+
+    return method
 
 
-class Counted(float):
-    """A number that counts the operations done with it; ``float`` of it counts none.
+def _comparing(operate):
+    """Make a comparison of `Counted`, which costs nothing."""
+    return lambda self, other: operate(self.value, float(other))
+
+
+class Counted:
+    """A number that counts the operations done with it.
 
     Parameters
     ----------
@@ -100,32 +111,47 @@ class Counted(float):
         Where they are counted; results of operations keep it.
     """
 
-    __slots__ = ("tally",)
+    __slots__ = ("tally", "value")
+    __hash__ = None  # type: ignore[assignment]
 
-    def __new__(cls, value, tally):
-        """Make a float that knows its tally."""
-        number = super().__new__(cls, value)
-        number.tally = tally
-        return number
+    def __init__(self, value, tally):
+        self.value, self.tally = float(value), tally
 
     def result(self, value, kind):
-        """Wrap what an operation gave, and count it; one without a kind costs nothing."""
-        if kind:
-            self.tally[kind] += 1
+        """Count one operation and wrap what it gave."""
+        self.tally[kind] += 1
         return Counted(value, self.tally)
 
-    __add__ = __radd__ = _operator("sums", float.__add__)
-    __sub__, __rsub__ = _operator("sums", float.__sub__), _operator("sums", float.__rsub__)
-    __mul__ = __rmul__ = _operator("products", float.__mul__)
-    __truediv__ = _operator("divisions", float.__truediv__)
-    __rtruediv__ = _operator("divisions", float.__rtruediv__)
-    __mod__ = _operator("divisions", float.__mod__)
-    __neg__, __abs__ = _operator("", float.__neg__), _operator("", float.__abs__)
-    __round__ = _operator("", float.__round__)
+    __add__ = __radd__ = _operator("sums", operator.add)
+    __sub__ = _operator("sums", operator.sub)
+    __rsub__ = _operator("sums", operator.sub, swapped=True)
+    __mul__ = __rmul__ = _operator("products", operator.mul)
+    __truediv__ = _operator("divisions", operator.truediv)
+    __rtruediv__ = _operator("divisions", operator.truediv, swapped=True)
+    __mod__ = _operator("divisions", operator.mod)
+    __lt__, __le__ = _comparing(operator.lt), _comparing(operator.le)
+    __gt__, __ge__ = _comparing(operator.gt), _comparing(operator.ge)
+    __eq__ = _comparing(operator.eq)
 
     def __pow__(self, exponent):
         """Square, by a product; the blocks take no other power."""
         return self * self if exponent == 2 else NotImplemented
+
+    def __neg__(self):
+        """Change the sign, which costs nothing."""
+        return Counted(-self.value, self.tally)
+
+    def __abs__(self):
+        """Take off the sign, likewise."""
+        return Counted(abs(self.value), self.tally)
+
+    def __round__(self):
+        """Round, which costs nothing either."""
+        return Counted(round(self.value), self.tally)
+
+    def __float__(self):
+        """Return a plain float: operations on it are not counted."""
+        return self.value
 
 
 def counted(value, tally):
