@@ -148,8 +148,10 @@ def bridged(
             if known and fast and epoch.t_s - last >= every_s:
                 last = epoch.t_s
                 steps.append((copy.deepcopy(device), epoch))
-    table = pd.DataFrame.from_dict(found, "index").rename_axis(["t_s", "seconds"])
-    return table.reset_index().dropna(ignore_index=True)
+    table = pd.DataFrame(
+        [{"t_s": t, "seconds": seconds} | errors for (t, seconds), errors in found.items()]
+    )
+    return table.dropna(ignore_index=True)
 
 
 def _without_fixes(since, epoch, given, lengths, name, found):
