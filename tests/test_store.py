@@ -215,6 +215,24 @@ def test_rows_of_a_channel_are_compared_among_themselves(tmp_path):
     assert words_alone == ["y, t.csv: column model differs"]
 
 
+@pytest.mark.parametrize(
+    "was, now, same",
+    [
+        ([0.120, 45.6, np.nan], [0.121, 45.6, np.nan], True),  # of three digits: neighbours
+        ([0.120, 45.6, np.nan], [0.122, 45.6, np.nan], False),
+        ([0.120, 45.6789], [0.121, 45.6789], False),  # another number has six digits
+        ([0.5, np.inf], [0.6, np.inf], False),
+        ([120, 7], [121, 7], False),  # counts
+        ([0.12, 0.0], [0.12, 0.001], False),
+    ],
+)
+def test_a_column_of_few_digits_agrees_to_its_last_one(tmp_path, was, now, same):
+    """analytic: two processors round a number on an edge to either neighbour, and no further."""
+    for name, values in (("old", was), ("new", now)):
+        store.write(tmp_path / name, {}, {"t": pd.DataFrame({"value": values})})
+    assert (store.compare(tmp_path / "old", tmp_path / "new") == []) == same
+
+
 @pytest.mark.parametrize("folder", [False, True])
 def test_a_replaced_file_or_folder_is_whole_or_as_before(tmp_path, folder):
     """property: an error or a kill leaves what was, and no draft for long; other files stay."""
