@@ -89,6 +89,9 @@ def test_the_part_is_named_or_told_by_the_name():
     """Property: --part wins, however spelled; else the log's name; else there is none."""
     result = measured(0.004, 0.001)
     assert verdict.choose_part(result, ATLAS, "MPU-6050")[0] == PART
+    hyphened = ATLAS.replace({"sensor": {PART: "my-gyro"}})
+    for spelled in ("my-gyro", "MY GYRO"):
+        assert verdict.choose_part(result, hyphened, spelled)[0] == "my-gyro"
     assert verdict.choose_part(result, ATLAS)[0] == "adis16405"
     nameless = replace(result, source=result.source | {"title": "my.csv", "file": "my.csv"})
     key, why = verdict.choose_part(nameless, ATLAS)

@@ -167,11 +167,11 @@ def known_part(atlas, wanted):
     ------
     WrongUsage
     """
-    keys = list(dict.fromkeys(atlas.loc[atlas["basis"] == "datasheet", "sensor"]))
+    keys = {_plain(key): key for key in atlas.loc[atlas["basis"] == "datasheet", "sensor"]}
     if _plain(wanted) not in keys:
-        known = ", ".join(keys)
+        known = ", ".join(keys.values())
         raise WrongUsage(f"--part {wanted}: no such part; data/sensors.toml has {known}")
-    return _plain(wanted)
+    return keys[_plain(wanted)]
 
 
 def choose_part(result, atlas, wanted=None):
