@@ -211,11 +211,9 @@ def report(log, out, part=None, **reading):
     Times, counters, norms and status words among the columns are left out. What was assumed
     stands on the output, with the flag that overrules it.
 
-    The log must be static: the sensor lies still. If gyros or accelerometers move, the one static
-    stretch that covers at least half of the log is used; shorter ones are named with the --from and
-    --to that take them. Leave out the warm-up with --from. The random
-    walk needs about an hour. A correlation time needs a log at least ten times as long: hours
-    rather than minutes.
+    The sensor must lie still. Of a log that moves, a static stretch of at least half of it is used;
+    shorter ones are named with the --from and --to that take them. Leave out the warm-up with
+    --from. A random walk takes about an hour, a correlation time a log ten times as long or more.
 
     The page begins with a verdict: is the sensor within its data sheet (--part, else the part
     that the log's name tells), did it lie still, is the log long enough.
@@ -294,13 +292,12 @@ def replay(
     python -m analysis replay drive.csv --out paper --filter block6
     python -m analysis replay drive.nmea --out drive --last-position where.json
 
-    The blocks are those of the tracker paper: last-position (1), attitude (2), static (3),
-    low-pass (4), mounting (5), fusion (6). A block whose sensor is missing is reported; the others
-    run. Where the log moves as a car does (its turns press sideways, and it follows its nose), an
-    error-state filter that knows so takes the place of block 6; notebook 34 compares the two. A
-    boat on flat water cannot be told from a car: give it --filter block6. With --smooth that filter
-    looks back from the end of the drive, so that fixes after an outage mend the track in it. The
-    output is held against the fixes that an --outage deletes.
+    The blocks are last-position (1), attitude (2), static (3), low-pass (4), mounting (5), fusion
+    (6). A block whose sensor is missing is reported; the others run. Where the log moves as a car
+    does (its turns press sideways, and it follows its nose), a filter that knows so takes the place
+    of block 6; notebook 34 compares the two. A boat on flat water cannot be told from a car: give
+    it --filter block6. With --smooth, fixes after an outage mend the track in it. The output is
+    held against the fixes that an --outage deletes.
 
     CSV columns are found by name and unit: t_s, lat_deg, lon_deg, height_m, pdop, speed_m_s,
     course_deg, accel_x_m_s2 (or _g), gyro_x_deg_s (or _rad_s) and so on. An NMEA log may have the
@@ -308,12 +305,11 @@ def replay(
     read specific force, (0, 0, -9.81) m/s^2 level and at rest. A minus sign turns an axis round:
     --columns accel_z_g=-AccZ.
 
-    Writes track.csv (one row for each GNSS epoch), summary.json, track.html (a page to look at: the
-    track, and in time what each block did) and track.gpx. yaw_deg is the heading of the sensor's X
-    axis, mount_deg its angle clockwise from the vehicle's heading; the sigmas and the correlation
-    are those of the position put out, and of the angles where the filter is that for cars. The
-    thresholds that summary.json lists under options are in SI units: m, s, m/s, m/s^2, rad
-    (theta_alpha in rad^2); lengths are counts.
+    Writes track.csv (one row for each GNSS epoch), summary.json, track.html (the track, and in time
+    what each block did) and track.gpx. yaw_deg is the heading of the sensor's X axis, mount_deg its
+    angle clockwise from the vehicle's heading. Sigmas and correlation are those of the position put
+    out, and of the angles with the filter for cars. The thresholds in summary.json, under options,
+    are in SI units (theta_alpha in rad^2); lengths are counts.
     """
     from workbench import track as page
 
@@ -388,7 +384,7 @@ def pool(logs, out, axes=False, **reading):
 
 @_verb
 def compare(logs, out, **reading):
-    """Compare units that travelled together: positions and attitudes.
+    """Compare positions and attitudes of units on one ride.
 
     \b
     python -m analysis compare phone.nmea rover.nmea --out both       two receivers on one ride
@@ -441,7 +437,7 @@ def export(model, out, strict=False):
 
 @_verb
 def atlas(act, folder, product, title, licence, source):
-    """Enter the sensor of a report into the atlas of sensors, data sheet against measured.
+    """Enter the sensor of a report into the atlas of sensors.
 
     \b
     python -m analysis report my.csv --out my
@@ -462,15 +458,15 @@ def atlas(act, folder, product, title, licence, source):
 
 @_verb
 def which_gyro(error, two_states=False, exact_map=False):
-    """Tell which gyros reach a tracking error on a terrain map, at which price, and what limits.
+    """Tell which gyros reach a tracking error on a terrain map.
 
     \b
     python -m analysis which-gyro --error 0.5
     python -m analysis which-gyro --error 0.5 --two-states     without states for bias and map
     python -m analysis which-gyro --error 0.1 --exact-map      were the map exact
 
-    "yes": the 95 % interval of the error lies below; "open": it lies on both sides. For a gyro of
-    your own, `report` says the same on its page.
+    Says at which price, and what limits. "yes": the 95 % interval of the error lies below; "open":
+    on both sides. For a gyro of your own, `report` says the same on its page.
     """
     from workbench import which_gyro as gyros
 
@@ -526,10 +522,9 @@ def coverage(
     python -m analysis coverage --runs 20 --hours 1 --models midg-roll,walk --out mine --workers 2
 
     Simulates logs of known sensors, the eight of the papers and five others (flicker, walk,
-    two-biases, weak-bias, weak-walk), fits each, and counts how often an interval holds the true
-    value: about two hours on two cores. --runs, --hours and --models go with this study and with
-    broken, --runs, --models and --entry with beside. A table that exists with as many logs is kept,
-    so a study that was stopped resumes.
+    two-biases, weak-bias, weak-walk), fits each, and counts how often an interval holds the truth:
+    two hours on two cores. --runs, --hours and --models go with this study and with broken, --runs,
+    --models and --entry with beside. A study that was stopped resumes.
     """
     from studies import attitudes, beside_others, ensembles, repeatability
     from studies import coverage as simulated
@@ -564,7 +559,7 @@ def _hours(text):
 
 @_verb
 def readings(out, **given):
-    """Judge the terrain paper's claims under each interpretation of it.
+    """Judge the terrain paper's claims in each interpretation.
 
     \b
     python -m analysis readings --out mine --compiled     what data/derived/readings holds
@@ -573,9 +568,8 @@ def readings(out, **given):
     python -m analysis readings --out mine --scheduler tcp://10.0.0.1:8786    workers elsewhere
 
     An interpretation fixes one level of every factor (noise, channel, R, start of the bias,
-    speed ...), and its 25 sensors drive the same simulated laps. The results do not depend on
-    the number of workers. Each one is kept in cells/ once it is finished: a run that was
-    stopped, even by kill -9, resumes with the same command.
+    speed ...); all its sensors drive the same simulated laps. The results do not depend on the
+    number of workers. A run that was stopped resumes with the same command.
     """
     from studies import readings as study
 
