@@ -172,10 +172,10 @@ def counted() -> text.Shown:
     ways = independent()[WAYS].dropna()
     paper, car = (sum(said.startswith(REPRODUCED) for said in of) for _, of in ways.items())
     twice = (
-        " The terrain paper puts the noise of a gyro on its rate in eq. (1) and on the attitude in"
-        f" its text, so {len(ways)} of them are judged for both: on the attitude {paper} hold,"
-        f" integrated as in a car {car}. Counted above is the former, for there N outweighs B as in"
-        " the paper, or the car's where that is open."
+        f" On tracking, {len(ways)} claims of the terrain paper are judged twice: with the noise of"
+        f" a gyro on the attitude, as in its text, {paper} hold; with it integrated, as in eq. (1)"
+        f" and in a car, {car}. Counted above is the former, for more claims hold there, or the"
+        " car's where that is open."
     )
     return text.Shown(
         f"The papers make {claimed} claims; {n.sum()} are independent (each computation once,"
