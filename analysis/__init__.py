@@ -148,9 +148,13 @@ def replacing(path):
     with tempfile.TemporaryDirectory(dir=home, prefix=f"{mine}{os.getpid()}-") as folder:
         draft = Path(folder, f"draft{path.suffix}")
         yield draft
-        for part in [p for p in sorted(draft.rglob("*")) if p.is_file()] or [draft]:
-            place = path / part.relative_to(draft)
+        parts = {path / p.relative_to(draft): p for p in sorted(draft.rglob("*")) if p.is_file()}
+        parts = parts or {path: draft}
+        for place in parts:
             place.parent.mkdir(parents=True, exist_ok=True)
+            if place.is_dir():
+                raise WrongUsage(f"{place} is a folder: remove it, or write elsewhere")
+        for place, part in parts.items():
             os.replace(part, place)
 
 
@@ -267,9 +271,6 @@ class Estimate:
             return f"{bound}{unit}" if bound else "no bound"
         return f"{low} to {high}{unit}"
 
-    def _ends(self):
-        return [v for v in (self.low, self.high) if v is not None]
-
     def _customary(self, wanted=None):
         """Choose unit and decimals for value and interval together; `wanted` names the unit.
 
@@ -284,7 +285,7 @@ class Estimate:
         unit : str
             With a space before it, or empty.
         """
-        known = [v for v in (self.value, *self._ends()) if v is not None]
+        known = [v for v in (self.value, self.low, self.high) if v is not None]
         size = abs(self.value) if self.value else max(map(abs, known), default=0.0)
         units = CUSTOMARY.get(self.unit, ((1.0, pretty(self.unit)),))
         fitting = [u for u in units if u[1] == wanted] or [
@@ -322,22 +323,19 @@ def in_one_unit(estimates):
         Value and interval of each, without the unit; None for the value that is not resolved.
     """
     there = [e for e in estimates if e is not None]
-    of = [e for e in there if e.value is not None] or [e for e in there if e._ends()] or there
+    bounds = [e for e in there if {e.low, e.high} != {None}]
+    of = [e for e in there if e.value is not None] or bounds or there
     units = [e._customary()[1] for e in of]
     known = [name for _, name in CUSTOMARY.get(of[0].unit, ())] if of else []
     unit = max(units, key=lambda u: known.index(u[1:]) if u[1:] in known else -1, default="")
-    cells = []
-    for e in estimates:
-        number, own = e._customary(unit[1:]) if e is not None else (None, "")
+
+    def written(e):
+        number, own = e._customary(unit[1:])
         after = "" if own == unit else own  # of a quantity that has no such unit
-        cells.append(
-            e
-            and (
-                None if e.value is None else f"{number(e.value)}{after}",
-                e.between(number, after),
-            )
-        )
-    return unit.strip(), cells
+        value = None if e.value is None else f"{number(e.value)}{after}"
+        return value, e.between(number, after)
+
+    return unit.strip(), [e and written(e) for e in estimates]
 
 
 def _order(x):

@@ -23,6 +23,7 @@ def stop(*_):
 
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # channels and cells are the threads
+os.environ.pop("MPLBACKEND", None)  # figures go into files, and matplotlib refuses an unknown one
 with contextlib.suppress(AttributeError, TypeError, OSError):  # other systems have no mallopt
     # A long log fills the memory: freed arrays of 4 MB or more go back to the system at once.
     ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, 4 << 20)

@@ -483,6 +483,7 @@ def test_a_file_that_may_not_be_read_is_wrong_usage(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda *_: False)
     for reader, log in ((logs.read, path), (logs.read_moving, [path])):
         refused(WrongUsage, r"my\.csv may not be read by this user", reader, log)
+    refused(WrongUsage, r"^a\?\.csv: this name is not UTF-8", logs.read, tmp_path / "a\udcff.csv")
 
 
 def test_reading_does_not_depend_on_the_working_directory(tmp_path, monkeypatch):

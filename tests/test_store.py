@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 import sensorlogs as logs
-from analysis import CannotAnswer, replacing, static_logs, store, terrain_data
+from analysis import CannotAnswer, WrongUsage, replacing, static_logs, store, terrain_data
 from analysis.noise.models import UnifiedModel
 from analysis.static_logs import processes, stored
 from studies import derived
@@ -260,6 +260,12 @@ def test_a_replaced_file_or_folder_is_whole_or_as_before(tmp_path, folder):
         put(draft, "new")
     assert (file.read_text(), other.read_text()) == ("new", "stays")
     assert sorted(p.name for p in file.parent.iterdir()) == sorted([file.name, "other.csv"])
+    if folder:
+        (path / "z.html").mkdir()  # a folder where a file should go: no file is replaced
+        with pytest.raises(WrongUsage, match=r"z\.html is a folder"), replacing(path) as draft:
+            put(draft, "half")
+            (draft / "z.html").touch()
+        assert file.read_text() == "new"
 
 
 # --- what is committed ---------------------------------------------------------------------------

@@ -33,8 +33,7 @@ def load_catalogue() -> dict[str, dict]:
     stanzas = _read(CATALOGUE, own=False) if CATALOGUE.is_file() else {}
     if OWN.is_file():
         mine = _read(OWN, own=True)
-        both = sorted(stanzas.keys() & mine.keys())
-        if both:
+        if both := sorted(stanzas.keys() & mine.keys()):
             raise WrongUsage(f"data/own/logs.toml: the name '{both[0]}' is taken; choose another")
         stanzas |= mine
     return stanzas
@@ -89,10 +88,10 @@ def check_unit(name: str, stanza: dict, unit: str | None) -> None:
 
 
 def _check_file(path: Path, missing: str) -> Path:
-    """Refuse a path that is no file, or that may not be read."""
-    if path.is_dir():
-        return path
-    if not path.is_file():
+    """Refuse a path that is no file, that may not be read or whose name no page can print."""
+    if (name := path.name.encode(errors="replace")) != os.fsencode(path.name):
+        raise WrongUsage(f"{name.decode()}: this name is not UTF-8; give the file another one")
+    if not (path.is_file() or path.is_dir()):
         is_there = path.exists() or path.is_symlink()
         what = f"{path.name} is a pipe, a device or a link that leads nowhere: name a file"
         raise WrongUsage(what if is_there else missing)
