@@ -226,7 +226,10 @@ def test_the_unit_of_the_log_does_not_matter(gyro, accel):
 
 
 def test_a_triad_mean_keeps_power():
-    """Property: one number for three axes keeps the mean of N^2, of sigma_b^2 and of K^2."""
+    """Property: one number for three axes keeps the mean of N^2, of sigma_b^2 and of K^2.
+
+    It is of the axes that are in the log; the others are off.
+    """
     different = [("x", 1e-4, 1e-5, 50.0), ("y", 2e-4, 3e-5, 500.0), ("z", 3e-4, 2e-5, 200.0)]
     found = gyroscope(model(*(channel("gyroscope", *row) for row in different)))
     _, white, sigma, time = (np.array(column) for column in zip(*different, strict=True))
@@ -235,6 +238,10 @@ def test_a_triad_mean_keeps_power():
     assert mean_sigma == pytest.approx(rms(sigma))
     assert 2 * mean_sigma**2 / mean_time == pytest.approx(np.mean(2 * sigma**2 / time))
     assert min(time) < mean_time < max(time)
+    texts = exports.files(model(channel("gyroscope", *different[1])))
+    assert python(texts["pyins_imu.py"])["GYRO"]["noise"] == pytest.approx([0.0, 2e-4, 0.0])
+    assert yaml.safe_load(texts["imu.yaml"])["gyroscope_noise_density"] == pytest.approx(2e-4)
+    assert "no accelerometer in this log" in texts["README.md"]
 
 
 WHOLE = {"sigma_b": 1e-5, "corr_time": 50.0}
@@ -346,15 +353,6 @@ def test_two_processes_have_a_stand_in():
         assert gyroscope(log | {"channels": [channel]}, strict=True).axes["x"]["stands_in"] == []
 
 
-def test_a_name_with_dashes_leaves_xml():
-    """property: a comment holds no two dashes in a row, whatever the log is called."""
-    content = model()
-    content["source"]["file"] = "2024-05-01---stone--.csv"
-    texts = exports.files(content)
-    for name in ("gazebo_classic_imu.sdf", "gz_sim_imu.sdf"):
-        ET.fromstring(texts[name])
-
-
 def test_a_stand_in_counts_where_no_axis_resolves_more():
     """property: one number a triad is of the axes that resolve their slow noise."""
     x = {"N": 1.0, "walk": 5.0, "sigma_b": 5.0, "corr_time": 2.0, "stands_in": ["slow"]}
@@ -384,16 +382,6 @@ def test_a_stand_in_replaces_nothing_that_is_resolved():
     assert gyroscope(log).axes["y"]["N"] is None
 
 
-def test_other_axes_stand_in_for_none():
-    """Property: an axis that is not in the log is off; a triad's mean is of those that are."""
-    own = TRUTH["gyroscope"]["y"]
-    texts = exports.files(model(channel("gyroscope", "y", *own)))
-    assert python(texts["pyins_imu.py"])["GYRO"]["noise"][::2] == [0.0, 0.0]
-    white = yaml.safe_load(texts["imu.yaml"])["gyroscope_noise_density"]
-    assert white == pytest.approx(own[0], rel=1e-6)
-    assert "no accelerometer in this log" in texts["README.md"]
-
-
 @pytest.mark.parametrize("names, letters", [
     ("gyro_x gyro_y gyro_z", "xyz"), ("gz gx", "zx"), ("yaw_rate roll_rate pitch_rate", "zxy"),
     ("X-rate", "x"), ("a b c", "xyz"), ("a b c d", None), ("g1_x g2_x", None),
@@ -406,14 +394,6 @@ def test_axes_are_told_by_name(names, letters):
     else:
         found = {axis["channel"]: letter for letter, axis in triads["gyroscope"].axes.items()}
         assert found == dict(zip(names.split(), letters, strict=True))
-
-
-def test_what_no_tool_can_take_is_said():
-    """Property: angles, positions and unknown units are left out with a sentence each."""
-    angle = channel() | {"kind": "angle", "name": "roll"}
-    texts = exports.files(model(angle, channel() | {"unit": "LSB", "name": "raw"}))
-    assert set(texts) == {"README.md"}
-    assert all(said in texts["README.md"] for said in ("roll is of kind angle", "raw is in LSB"))
 
 
 def test_terms_beside_the_noise_are_listed_as_in_no_file():
@@ -429,7 +409,7 @@ def test_terms_beside_the_noise_are_listed_as_in_no_file():
 def test_comments_cannot_break_a_file():
     """Property: names with line ends, dashes and letters beyond ASCII stay in comments."""
     wicked = model(channel())
-    wicked["source"]["file"] = "ä--b\nimport nothing; -->.csv"
+    wicked["source"]["file"] = "ä---b--\nimport nothing; -->.csv"
     texts = exports.files(wicked)
     assert all(texts[name].isascii() for name in exports.TITLES)
     readers = {"sdf": ET.fromstring, "py": python, "m": matlab, "yaml": yaml.safe_load}
@@ -478,14 +458,18 @@ def test_a_number_that_cannot_be_is_named(tmp_path, parameter, key, value):
 
 
 def test_export_of_a_file(tmp_path):
-    """Property: every file is written, or none and what was there stays."""
+    """Property: every file is written, or none, which is said, and what was there stays."""
     path, out = tmp_path / "model.json", tmp_path / "deep" / "exports"
     path.write_text(json.dumps(model()))
     assert set(exports.export(path, out)) == {*exports.TITLES, "README.md"}
     assert {p.name for p in out.iterdir()} == {*exports.TITLES, "README.md"}
     (tmp_path / "README.md").write_text("# My robot")
     refused(WrongUsage, "name another folder", exports.export, path, tmp_path)
-    path.write_text(json.dumps(model(channel() | {"kind": "angle", "name": "roll"})))
+    angle, raw = {"kind": "angle", "name": "roll"}, {"unit": "LSB", "name": "raw"}
+    none = model(channel() | angle, channel() | raw)
+    (said,) = exports.files(none).values()  # README.md
+    assert "roll is of kind angle" in said and "raw is in LSB" in said
+    path.write_text(json.dumps(none))
     before = {p.name: p.read_bytes() for p in out.iterdir()}
     refused(CannotAnswer, r"nothing to export; .*roll is of kind angle", exports.export, path, out)
     assert {p.name: p.read_bytes() for p in out.iterdir()} == before
