@@ -19,7 +19,7 @@ import psutil
 import pytest
 from refused import csv_of
 
-from analysis import ROOT, claims, store
+from analysis import FIGURES, ROOT, claims, store
 from sensorlogs import datasets
 from studies import derived
 from workbench import cli, exports, reproduce, verdict
@@ -127,8 +127,11 @@ def test_help_lists_every_command_and_explains_every_option():
 # --- report --------------------------------------------------------------------------------------
 
 
-def test_report_writes_the_contract(good):
-    """Property: model.json, report.html and figures; where they are is said, and nothing else."""
+def test_report_writes_the_contract(good, tmp_path):
+    """Property: model.json, report.html and figures; where they are is said, and nothing else.
+
+    From the model.json alone come the same exports, byte for byte, each named.
+    """
     names = {str(path) for path in files(good.folder)}
     drawn = ("gyro_x", "all.allan", "all.atlas")
     pictures = {f"figures/{n}.{k}" for n in drawn for k in ("pdf", "png", "csv")}
@@ -138,14 +141,9 @@ def test_report_writes_the_contract(good):
     channel = model(good.folder)["channels"][0]
     assert (channel["name"], channel["unit"], channel["kind"]) == ("gyro_x", "deg/s", "rate")
     assert [p.name for p in good.folder.parent.iterdir() if p.name.startswith(".")] == []
-
-
-def test_export_repeats_what_report_wrote(good, tmp_path):
-    """Property: from the model.json alone come the same files, byte for byte, each named."""
-    out = told("export", good.folder / "model.json", "--out", tmp_path / "again")
-    expected = files(good.folder / "exports")
-    assert files(tmp_path / "again") == expected
-    assert {line.rsplit("/", 1)[1] for line in out.splitlines()} == {str(p) for p in expected}
+    out, known = told("export", good.folder / "model.json", "--out", tmp_path), good.folder
+    assert files(tmp_path) == files(known / "exports")
+    assert {f"exports/{line.rsplit('/', 1)[1]}" for line in out.splitlines()} == exported
 
 
 def test_the_terminal_says_what_was_exported_and_what_not(tmp_path, good, no_pictures):
@@ -370,12 +368,16 @@ def test_a_folder_that_takes_no_file_is_named(option, tmp_path, monkeypatch):
     "data --rebuild no-log", "reproduce 77", "reproduce 90 -p SEED=1",
     "reproduce 90 --scratch x -p SEED", "reproduce 90 --scratch x -p SPEED=1",
     "reproduce 90 --scratch x -p LOG=", "report f9p-static --out x --unit gyro=deg/s,gyro=rad/s",
-    "coverage --hours inf --out x"])  # fmt: skip
+    "coverage --hours inf --out x",
+    # A folder of the project is refused before anything runs.
+    *(f"reproduce 14 --scratch {ROOT / own}" for own in ("", "notebooks", "figures/mine"))
+])  # fmt: skip
 def test_unknown_names_are_wrong_usage(tmp_path, monkeypatch, arguments):
     """Property: exit status 2, the word that is wrong on stderr, and nothing is made."""
     monkeypatch.chdir(tmp_path)
     status, out, err = run(*arguments.split())
     assert (status, out) == (2, "") and err and "Traceback" not in err and not os.listdir(tmp_path)
+    assert ("--scratch" in err) >= (str(ROOT) in arguments) and not (FIGURES / "mine").exists()
 
 
 def test_claims_prints_every_verdict():
@@ -389,12 +391,18 @@ def test_claims_prints_every_verdict():
 
 
 def test_data_lists_and_verifies():
-    """Property: every registered file is listed as here or not; a name is verified."""
+    """Property: every registered file is listed as here or not; a name is verified.
+
+    Without the raw file nothing is compared, which is said and is no failure.
+    """
     places = {row[10:]: row[:9].strip() for row in told("data").splitlines()}
     assert list(places) == datasets.names()
     here = {name for name, place in places.items() if place == "here"}
     assert here == set(datasets.names("gpsd-logs"))
     assert told("data", "gpsd-logs/rx210.log") == "verified  gpsd-logs/rx210.log\n"
+    out = told("data", "--rebuild", "adis16405")
+    assert out.startswith("left out  adis16405: the log file adis16405-static/")
+    assert out.endswith("1 of 1 left out because raw files are missing\n")
 
 
 def test_data_rebuilds_compares_and_replaces(tmp_path, monkeypatch):
@@ -416,13 +424,6 @@ def test_data_rebuilds_compares_and_replaces(tmp_path, monkeypatch):
     assert found == (1, "differs   f9p-static\n", f"cannot answer: {said}\n")
     assert told("data", "--rebuild", "--write", "f9p-static") == "written   f9p-static\n"
     assert files(tmp_path) == expected
-
-
-def test_data_leaves_out_what_is_not_here():
-    """Property: without the raw file nothing is compared, which is said and is no failure."""
-    out = told("data", "--rebuild", "adis16405")
-    assert out.startswith("left out  adis16405: the log file adis16405-static/")
-    assert out.endswith("1 of 1 left out because raw files are missing\n")
 
 
 def test_reproduce_ends_with_the_table(monkeypatch):
@@ -453,13 +454,6 @@ def test_a_second_report_from_another_folder_on_a_terminal_without_greek(tmp_pat
     found = files(tmp_path / "mine")
     assert found.pop(next(p for p in found if p.name == "notes.txt")) == b"mine"
     assert found == files(good.folder)
-
-
-@pytest.mark.parametrize("folder", ["", "notebooks", "figures/mine"])
-def test_a_what_if_run_stays_out_of_the_project(folder):
-    """Property: --scratch refuses the folders of the project before anything runs."""
-    assert "--scratch" in failed(2, "reproduce", "14", "--scratch", ROOT / folder)
-    assert not (ROOT / "figures" / "mine").exists()
 
 
 def test_a_terminal_has_lines_of_a_hundred_characters(tmp_path, good, no_pictures):
@@ -496,12 +490,3 @@ def test_a_disk_that_is_full_while_files_are_written(command, tmp_path):
     status, _, err = program("-c", FULL, *command.split(), "--out", tmp_path / "out", cwd=ROOT)
     assert status == 1 and "cannot answer: the output: File too large" in err
     assert not files(tmp_path)
-
-
-def test_what_is_no_file(tmp_path):
-    """property: a pipe, a link in a circle and a lost one are called what they are."""
-    os.mkfifo(tmp_path / "pipe")
-    for link, target in (("one", "other"), ("other", "one"), ("lost", "nothing")):
-        (tmp_path / link).symlink_to(tmp_path / target)
-    for name, words in {"pipe": "a pipe", "one": "leads nowhere", "lost": "leads nowhere"}.items():
-        assert words in failed(2, "channels", tmp_path / name)
