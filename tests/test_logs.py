@@ -142,6 +142,8 @@ MISSING = {  # cells that are written -> the rows that lack the first and the se
               rf"values are missing or a mark for it \({mark.removesuffix('.0')}, ")
        for mark in ("-9999", "999.0", "-32768")},
     "a knock": ({(50, 1): "-900", (51, 1): "-800"}, [], [], ""),
+    "a coarse step": (
+        {(k, 1): "500" if k % 9 == 0 else "0" for k in range(200)}, [], [], ""),
     "two columns": (  # that lack values for one reason stand together
         {(10, 1): "", (20, 1): "", (20, 2): ""}, [10, 20], [20],
         "^my.csv: values are missing: 2 of 200 in gyro_x_deg_s, first in line 12; "
@@ -153,7 +155,8 @@ MISSING = {  # cells that are written -> the rows that lack the first and the se
 def test_missing_cells_are_stated_and_stay_missing(tmp_path, case):
     """Property: NaN, empty and absurd cells are missing, with the line of the first.
 
-    So is a value that returns far from all others, a logger's mark for no reading; a knock is not.
+    So is a value that returns far from all others, a logger's mark for no reading; a knock is not,
+    nor one that is in one of nine samples, a coarse step.
     """
     (cells, *gone, said), rows = MISSING[case], lines()
     for (row, column), text in cells.items():
@@ -161,12 +164,6 @@ def test_missing_cells_are_stated_and_stay_missing(tmp_path, case):
     log = read(tmp_path, rows)
     assert [missing(log), missing(log, 1)] == gone and len(log.repairs) == bool(said)
     assert re.search(said, "".join(log.repairs))
-
-
-def test_a_coarse_step_is_not_missing(tmp_path):
-    """Property: a value that returns far from all others, but in one of nine samples, is none."""
-    coarse = [f"{k / 100:.2f},{0 if k % 9 else 500},{k % 2}" for k in range(200)]
-    assert np.isfinite(values(read(tmp_path, coarse))).all()
 
 
 @pytest.mark.parametrize(("scatter", "lsb", "gone"), [
@@ -338,11 +335,21 @@ def test_what_is_no_log_is_refused(tmp_path, case):
     assert all(word in message for word in words) and "Error" not in message
 
 
-def test_what_is_no_file_is_wrong_usage(tmp_path):
-    """Property: a folder and a misspelt name are wrong usage, the closest name with it."""
+def test_what_is_no_file_is_wrong_usage(tmp_path, monkeypatch):
+    """Property: a folder, a misspelt name (the closest is said), a pipe, a lost link, no right."""
     refused(WrongUsage, "no log file in it", logs.read, tmp_path)
     refused(WrongUsage, r"no file nothing\.csv.*adis16405", logs.read, tmp_path / "nothing.csv")
     refused(WrongUsage, "closest: 'adis16405'", logs.read, "adis1640")
+    refused(WrongUsage, r"^a\?\.csv: this name is not UTF-8", logs.read, tmp_path / "a\udcff.csv")
+    os.mkfifo(tmp_path / "pipe")
+    for link, target in (("one", "other"), ("other", "one"), ("lost", "nothing")):
+        (tmp_path / link).symlink_to(tmp_path / target)
+    for name, words in {"pipe": "a pipe", "one": "leads nowhere", "lost": "leads nowhere"}.items():
+        refused(WrongUsage, words, logs.read, tmp_path / name)
+    path = write(tmp_path, lines())
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    for reader, log in ((logs.read, path), (logs.read_moving, [path])):
+        refused(WrongUsage, r"my\.csv may not be read by this user", reader, log)
 
 
 # --- formats -------------------------------------------------------------------------------------
@@ -475,15 +482,6 @@ def test_the_parked_phone_stands_still():
     held = logs.read("phone-parked-gnss")
     assert any("'north' repeats its last value" in repair for repair in held.repairs)
     assert not any("repeats" in repair for repair in logs.read("phone-stopped-gnss").repairs)
-
-
-def test_a_file_that_may_not_be_read_is_wrong_usage(tmp_path, monkeypatch):
-    """Property: a missing permission is one sentence, for static and for moving logs."""
-    path = write(tmp_path, lines())
-    monkeypatch.setattr(os, "access", lambda *_: False)
-    for reader, log in ((logs.read, path), (logs.read_moving, [path])):
-        refused(WrongUsage, r"my\.csv may not be read by this user", reader, log)
-    refused(WrongUsage, r"^a\?\.csv: this name is not UTF-8", logs.read, tmp_path / "a\udcff.csv")
 
 
 def test_reading_does_not_depend_on_the_working_directory(tmp_path, monkeypatch):
