@@ -335,20 +335,15 @@ def test_time_of_day_joins_two_logs(tmp_path, form, date, days):
     assert says(log, said) == (days is not None) == (says(log, "date taken as wrong") > 0)
 
 
-def test_clocks_that_do_not_meet(tmp_path):
-    """property: an uptime and a time of day cannot be matched: the offset is asked for."""
+def test_logs_that_are_no_pair(tmp_path):
+    """property: two rides and two of a kind are refused; for an uptime the offset is asked for."""
     paths = [nmea(tmp_path, epochs(10)), csv(tmp_path, IMU, imu_rows(np.arange(0, 8, 0.5)))]
     refused(WrongUsage, "--imu-offset", read_moving, paths)
     log = read_moving(paths, imu_offset=1.5)
     assert log.imu.t_s[0] - log.gnss.t_s[0] == pytest.approx(1.5)
-
-
-def test_logs_that_are_no_pair(tmp_path):
-    """property: logs of two rides, and two of a kind, are refused."""
-    gnss = csv(tmp_path, GNSS, gnss_rows(range(10)), "gnss.csv")
+    gnss, other = (csv(tmp_path, GNSS, gnss_rows(range(10)), f"{k}.csv") for k in "ab")
     imu = csv(tmp_path, IMU, imu_rows(np.arange(500, 510, 0.25)), "imu.csv")
     refused(CannotAnswer, "do not overlap: 491 s", read_moving, [gnss, imu])
-    other = csv(tmp_path, GNSS, gnss_rows(range(10)), "b.csv")
     refused(WrongUsage, r"b.csv: a second GNSS log", read_moving, [gnss, other])
 
 
@@ -367,14 +362,6 @@ def test_csv_with_everything(tmp_path):
     assert says(log, "held over rows: 20 epochs")
 
 
-def test_speed_without_a_unit(tmp_path):
-    """property: its unit is asked for; as --columns states it, it is read."""
-    path = csv(tmp_path, GNSS.replace("speed_m_s", "Speed"), gnss_rows(range(9)))
-    refused(WrongUsage, "say --columns speed_m_s=Speed, or speed_km_h", read_moving, [path])
-    log = read_moving([path], columns={"speed_km_h": "Speed"})
-    np.testing.assert_allclose(log.gnss.speed_m_s, 1.1 / 3.6)
-
-
 @pytest.mark.parametrize(("header", "cells", "said"), [
     (GNSS + ",accel_x_g,accel_y_g,accel_z_g", 3 * [0], "the IMU has no column gyro_x_deg_s, gyro"),
     (IMU + ",lat_deg", [50.0], "the GNSS has no column lon_deg: not used")])  # fmt: skip
@@ -386,55 +373,56 @@ def test_half_a_sensor_is_none(tmp_path, header, cells, said):
     assert says(log, f"log.csv: {said}")
 
 
-def test_values_that_cannot_be_are_left_out_and_said(tmp_path):
-    """property: negative speeds and PDOPs, empty cells, zero positions, has_fix = 0."""
-    rows = [[*r, 1] for r in gnss_rows(range(12))]
-    rows[2][1] = rows[2][2] = ""
-    rows[3][1] = rows[3][2] = rows[4][-1] = 0
-    rows[5][4], rows[6][4], rows[7][5] = -1.0, 0.0, -1.0
-    log = table(tmp_path, GNSS + ",has_fix", rows)
-    assert np.flatnonzero(~log.gnss.has_fix).tolist() == [2, 3, 4]
-    assert np.flatnonzero(np.isnan(log.gnss.speed_m_s)).tolist() == [2, 3, 4, 7]
-    assert np.flatnonzero(np.isnan(log.gnss.pdop)).tolist() == [5, 6]
-    assert says(log, "line 9, column 'lat_deg': speeds below zero, here first: 1 left out")
-    assert says(log, "line 7, column 'lat_deg': PDOP below zero")
-
-
-@pytest.mark.parametrize(("name", "yes", "no"), [
-    ("has_fix", True, False), ("fix", "3D", "none"), ("fix_type", 2, 1), ("fixType", 3, 0),
-    ("quality", "GPS", "NO FIX")])  # fmt: skip
-def test_a_fix_in_words(tmp_path, name, yes, no):
-    """published: words of loggers; a type of 1 has no position (MAVLink, PX4, u-blox)."""
-    rows = [(*row, yes if k < 8 else no) for k, row in enumerate(gnss_rows(range(12)))]
-    assert table(tmp_path, f"{GNSS},{name}", rows).gnss.has_fix.tolist() == 8 * [True] + 4 * [False]
-    log = table(tmp_path, f"{GNSS},fix", [(*row[:-1], "so-so") for row in rows])
-    assert log.gnss.has_fix.all() and says(log, "column 'fix' holds words: not used")
-
-
-def test_letters_of_the_hemisphere(tmp_path):
-    """known case: a logger in Chile, as BT747 writes it; a speed in words is not used, and said."""
-    rows = [(k, 33.4 - 1e-5 * k, "S", 70.6, "W", "47.1 km/h") for k in range(9)]
-    log = table(tmp_path, "t_s,LATITUDE,N/S,LONGITUDE,E/W,SPEED", rows)
-    holds(log.gnss, lat_deg=-33.4 + 1e-5 * np.arange(9), lon_deg=-70.6)
-    assert says(log, "column 'SPEED' holds words: not used")
-
-
-@pytest.mark.parametrize(("written", "read"), [
-    (655.35, np.nan), (-2e10, np.nan), (-1, np.nan), (-90, 270), (360, 360)])  # fmt: skip
-def test_courses_that_are_none(tmp_path, written, read):
-    """published: MAVLink's, Septentrio's and the iPhone's sign of none; -180 to 180 is wrapped."""
-    log = table(tmp_path, GNSS, [(*row[:-1], written) for row in gnss_rows(range(9))])
-    holds(log.gnss, course_deg=read)
-    assert says(log, "courses that are no direction") == np.isnan(read)
-
-
-def test_positions_in_radians(tmp_path):
-    """property: the speed tells; as --columns states it, they are read."""
+def test_a_unit_that_is_asked_for(tmp_path):
+    """property: of a speed; of positions, which the speed tells; as --columns states it, read."""
+    path = csv(tmp_path, GNSS.replace("speed_m_s", "Speed"), gnss_rows(range(9)))
+    refused(WrongUsage, "say --columns speed_m_s=Speed, or speed_km_h", read_moving, [path])
+    holds(read_moving([path], columns={"speed_km_h": "Speed"}).gnss, speed_m_s=1.1 / 3.6)
     rows = [(k, np.radians(LAT + 15 * k / 111_195), np.radians(LON), 15) for k in range(60)]
     path = csv(tmp_path, "t_s,lat,lon,speed_m_s", rows)
     refused(WrongUsage, "in radians: say --columns lat_rad=lat,lon_rad=lon", read_moving, [path])
     log = read_moving([path], columns={"lat_rad": "lat", "lon_rad": "lon"})
     holds(log.gnss, lon_deg=LON, speed_m_s=15)
+
+
+K = np.arange(12)
+NONE = [[*row, 1] for row in gnss_rows(K)]
+NONE[2][1:3], NONE[3][1:3], NONE[4][-1] = ["", ""], [0, 0], 0
+NONE[5][4], NONE[6][4], NONE[7][5] = -1.0, 0.0, -1.0
+IN_CHILE = [(k, 33.4 - 1e-5 * k, "S", 70.6, "W", "47.1 km/h") for k in K]  # as BT747 writes it
+FIXES = [("has_fix", True, False), ("fix", "3D", "none"), ("fix_type", 2, 1), ("fixType", 3, 0),
+         ("quality", "GPS", "NO FIX")]  # fmt: skip
+COURSES = (655.35, np.nan), (-2e10, np.nan), (-1, np.nan), (-90, 270), (360, 360)
+CELLS = {  # header, rows -> what columns must be, notes
+    "letters of the hemisphere": (
+        "t_s,LATITUDE,N/S,LONGITUDE,E/W,SPEED", IN_CHILE,
+        {"lat_deg": -33.4 + 1e-5 * K, "lon_deg": -70.6}, ["column 'SPEED' holds words: not used"]),
+    "a fix so-so": (f"{GNSS},fix", [(*row, "so-so") for row in gnss_rows(K)], {"has_fix": K >= 0},
+                    ["column 'fix' holds words: not used"]),
+    **{f"a fix {no}": (
+        f"{GNSS},{name}", [(*row, no if k > 7 else yes) for k, row in enumerate(gnss_rows(K))],
+        {"has_fix": K < 8}, []) for name, yes, no in FIXES},
+    **{f"a course {written}": (
+        GNSS, [(*row[:-1], written) for row in gnss_rows(K)], {"course_deg": course},
+        [] if course > 0 else ["courses that are no direction"]) for written, course in COURSES},
+    "empty, zero and negative": (
+        f"{GNSS},has_fix", NONE,
+        {"has_fix": ~np.isin(K, [2, 3, 4]), "pdop": np.where(np.isin(K, [5, 6]), np.nan, 1.8),
+         "speed_m_s": np.where(np.isin(K, [2, 3, 4, 7]), np.nan, 1.1)},
+        ["line 9, column 'lat_deg': speeds below zero, here first: 1 left out",
+         "line 7, column 'lat_deg': PDOP below zero"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CELLS)
+def test_what_loggers_write(tmp_path, case):
+    """published: words for a fix, of which a type of 1 has no position (MAVLink, PX4, u-blox);
+    MAVLink's, Septentrio's and the iPhone's sign of no course; what cannot be is left out.
+    """
+    header, rows, wanted, said = CELLS[case]
+    log = table(tmp_path, header, rows)
+    holds(log.gnss, **wanted)
+    assert bool(log.notes) == bool(said) and all(says(log, words) for words in said)
 
 
 def test_what_makes_no_epoch(tmp_path):
@@ -492,13 +480,20 @@ def test_a_speed_in_knots_has_no_other_unit(tmp_path):
     assert np.isfinite(log.gnss.speed_m_s).all() and not log.notes
 
 
-def test_a_csv_of_several_starts(tmp_path):
-    """property: a clock since power-on that starts again runs on; the rows of each start stay."""
+def test_a_csv_whose_time_steps_back(tmp_path):
+    """property: a clock since power-on that starts again runs on; the rows of each start stay.
+
+    Under one row in a hundred may be late; it is left out, and said.
+    """
     t = [*np.arange(0, 100, 1.0), *np.arange(0.5, 80, 1.0)]
     rows = [(*g, *i[1:]) for g, i in zip(gnss_rows(t), imu_rows(t), strict=True)]
     log = table(tmp_path, GNSS + IMU[3:], rows)
     np.testing.assert_allclose([log.gnss.t_s, log.imu.t_s], [np.arange(180.0)] * 2)
     assert log.restarts_s == (100.0,)
+    t = np.arange(0, 100, 0.25)
+    t[200] = t[198]
+    log = table(tmp_path, IMU, imu_rows(t))
+    assert len(log.imu.t_s) == 399 and says(log, "1 row not later than the row before")
 
 
 LOST = [*gnss_rows(range(30)), (30, "x", 1, 1, 1, 1, 1), *gnss_rows([31])]
@@ -529,14 +524,6 @@ def test_refusals(tmp_path, case):
     kind = CannotAnswer if words.startswith("line") else WrongUsage
     message = str(refused(kind, "log.csv", table, tmp_path, header, rows))
     assert [w for w in words.split(" | ") if w not in message] == [] and "\n" not in message
-
-
-def test_a_few_late_rows_are_dropped(tmp_path):
-    """property: under one row in a hundred may step back; it is left out, and said."""
-    t = np.arange(0, 100, 0.25)
-    t[200] = t[198]
-    log = table(tmp_path, IMU, imu_rows(t))
-    assert len(log.imu.t_s) == 399 and says(log, "1 row not later than the row before")
 
 
 def test_each_csv_takes_the_columns_that_it_has(tmp_path):
