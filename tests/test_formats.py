@@ -504,15 +504,6 @@ def test_a_library_that_fails_is_not_taken_for_damage(name, tmp_path, monkeypatc
         refused(CannotAnswer, r"cut off or damaged at byte [\d,]+ of [\d,]+ ", read, path)
 
 
-@pytest.mark.parametrize("suffix", ["parquet", "mat", "npz", "bag", "ulg", "ubx", "gpx", "zip"])
-def test_a_wrong_format_with_a_right_suffix(suffix, tmp_path):
-    """Property: the suffix decides nothing; a page of text is refused, and nothing is written."""
-    path = tmp_path / f"log.{suffix}"
-    path.write_text("Dear colleague,\nhere is the log.\n")
-    status, _, err = run("report", path, "--out", tmp_path / "out")
-    assert status in (1, 2) and err.count("\n") == 1 and not (tmp_path / "out").exists()
-
-
 def test_a_log_without_an_imu(tmp_path):
     """Property: what the log has instead is listed."""
     bag, path = tmp_path / "log.mcap", tmp_path / "log.ulg"
@@ -621,26 +612,15 @@ def test_moving_logs_of_several_tables(tmp_path):
     assert len(read_moving([tmp_path / "two.bin"], tables=[table]).imu.t_s) == ROWS
 
 
-def test_channels_lists_what_is_in_a_log(tmp_path):
-    """Property: tables, rates, kinds, units and what they were told by."""
-    printed = told("channels", write("ArduPilot DataFlash, two IMUs", tmp_path))
-    for words in ("(?m)^IMU/1: 400 rows, 3.99 s, 100 Hz$", "temperature .*deg C",
-                  "gyro_x_rad_s +rate +rad/s +its message definition"):  # fmt: skip
-        assert re.search(words, printed)
-    assert "c1" in told("channels", write("NumPy npy, a matrix", tmp_path))
+def test_a_dataflash_log_without_a_clock(tmp_path, monkeypatch):
+    """Property: a log without a table is a sentence for every verb.
 
-
-def test_a_dataflash_log_is_indexed_in_python(tmp_path, monkeypatch):
-    """known case: the index in C, which can end the process, is not called."""
-    write_dataflash(tmp_path / "log.bin")
+    The index in C, which can end the process, is not called.
+    """
     monkeypatch.setenv("PYMAVLINK_FAST_INDEX", "1")
     monkeypatch.setattr("pymavlink.DFReader.dfindexer.build_offsets", None)
-    read(tmp_path / "log.bin")
-
-
-def test_a_dataflash_log_without_a_clock(tmp_path):
-    """Property: a log without a table is a sentence for every verb."""
     write_dataflash(tmp_path / "old.bin")
+    read(tmp_path / "old.bin")
     write_dataflash(tmp_path / "none.bin", stamp=b"Ticks")
     for verb in ("channels", "report", "replay", "compare"):
         logs = [tmp_path / "none.bin", *[tmp_path / "old.bin"] * (verb == "compare")]
@@ -673,7 +653,17 @@ def test_positions_of_an_old_dataflash_log(code, names, tmp_path):
 
 
 def test_channels_lists_what_can_be_read(tmp_path):
-    """Property: a bad cell hides neither its own columns nor the other files of a folder."""
+    """Property: tables, rates, kinds, units and what they were told by.
+
+    A bad cell hides neither its own columns nor the other files of a folder.
+    """
+    printed = told("channels", write("ArduPilot DataFlash, two IMUs", tmp_path))
+    for words in ("(?m)^IMU/1: 400 rows, 3.99 s, 100 Hz$", "temperature .*deg C",
+                  "gyro_x_rad_s +rate +rad/s +its message definition"):  # fmt: skip
+        assert re.search(words, printed)
+    matrix = write("NumPy npy, a matrix", tmp_path)
+    assert "c1" in told("channels", matrix)
+    matrix.unlink()
     good, bad = tmp_path / "good.csv", tmp_path / "bad.csv"
     write_csv(good)
     rows = good.read_text().splitlines()
