@@ -359,20 +359,16 @@ def test_a_log_that_is_no_lap_of_the_map_is_refused(tmp_path, lap, made, words):
     refused(CannotAnswer, rf"mine\.mat: {words}", terrain_data.lap_and_map, path, "ccw")
 
 
-def test_what_is_not_there_is_refused(tmp_path):
-    """Property: a missing file, a direction or a lap by no name: a sentence each."""
-    path, laid = tmp_path / "missing.mat", terrain_data.lap_and_map
-    refused(CannotAnswer, r"^missing\.mat: no such file$", laid, path, "ccw")
-    refused(WrongUsage, "no direction 'north'; there are: ccw, cw", laid, path, "north")
-    refused(WrongUsage, "no lap 'x'", terrain_data.lap, "x")
-
-
 def test_files_that_are_no_laps_are_refused(tmp_path):
-    """Property: text, an empty file and a truncated log get a sentence, not a traceback."""
+    """Property: text, an empty file, a truncated log, none, and no such name: a sentence each."""
+    gone, laid = tmp_path / "missing.mat", terrain_data.lap_and_map
+    refused(CannotAnswer, r"^missing\.mat: no such file$", laid, gone, "ccw")
+    refused(WrongUsage, "no direction 'north'; there are: ccw, cw", laid, gone, "north")
+    refused(WrongUsage, "no lap 'x'", terrain_data.lap, "x")
     whole = write_log(tmp_path / "whole.mat", van_on("ccw", slice(0, 100))).read_bytes()
     for content in (b"hello\n", b"", whole[: len(whole) // 2]):
         (path := tmp_path / "bad.mat").write_bytes(content)
-        refused(CannotAnswer, r"bad\.mat: .*HDF5.* cut off", terrain_data.lap_and_map, path, "ccw")
+        refused(CannotAnswer, r"bad\.mat: .*HDF5.* cut off", laid, path, "ccw")
         refused(CannotAnswer, r"bad\.mat: .*(not |damaged)", road_logs.highway, path)
 
 
