@@ -26,7 +26,6 @@ COARSE = 0.35  # share of readings that repeat; more is resolution, or a held ou
 LOOKED_AT = 100_000  # readings whose levels are counted
 FEW_LEVELS = 12  # with as many, readings move over many steps
 FINE = 10_000  # quantiles of a Gaussian
-PILED = 5.0  # standard errors of the number of runs at the end of a range
 CUT = 0.99  # of the scatter; where less is left, the numbers are refused
 DITHER = 0.5  # scatter in steps, rounding included: that of noise of 0.4 steps
 BURST = 10  # samples; large steps no further apart are one spike
@@ -34,12 +33,11 @@ PARTS = 8  # of a log, and of each part, whose noise levels are compared
 LEAST = 8  # increments in a part of a part
 EXACT = 1e-9  # relative; what differs by less is no noise
 CHANCE = 1e-3  # that one test rejects Gaussian noise
-BEYOND = 5.0  # standard errors of the kurtosis of Gaussian noise
+BEYOND = 5.0  # standard errors: of the kurtosis of Gaussian noise, of runs at the end of a range
 NOTICED = 1.2  # overdispersion that makes an interval a tenth wider
 UNSTEADY = 0.15  # widening beyond which one number does not describe the log
 BOUNDED = 2.7  # tail index below which the measured variance says little about the true one
 TAIL = 500  # one increment in so many is in the tail
-CLEAR = 2.0  # times the spectrum around it: what is left out beside a line
 LINE = 5.0  # times the spectrum around it; none of 9000 spectra of noise alone reached 4
 RESOLVED = 8192  # samples a piece of the spectrum, at most
 PERIODOGRAMS = 32, 256  # whose median is the spectrum, at least and at most
@@ -291,7 +289,7 @@ def saturation(y: np.ndarray, dt: float) -> list[Disturbance]:
         top = some == end(some)
         below = some == end(some, initial=farthest, where=~top)
         runs, beside = (np.count_nonzero(at[1:] & ~at[:-1]) for at in (top, below))
-        shares.append(top.mean() * (runs - beside > PILED * np.sqrt(runs + beside)))
+        shares.append(top.mean() * (runs - beside > BEYOND * np.sqrt(runs + beside)))
     if not any(shares):
         return []
     ends = -norm.isf(shares[1]), norm.isf(shares[0])  # in deviations
@@ -566,7 +564,8 @@ def lines(y: np.ndarray, dt: float) -> tuple[list[tuple[float, float]], list[Dis
         return [], []
     reach = np.sqrt(100 * ratio * length / steps) / (2 * np.pi)  # bins
     near = np.minimum(at[1] * (0.5 + np.maximum(reach, 1.0)), at / 2)
-    ranges = [(f - w, f + w) for f, w in zip(at[ratio > CLEAR], near[ratio > CLEAR], strict=True)]
+    out = ratio > 1 + (LINE - 1) / 4  # a Hann window has a quarter of a line in the bins beside it
+    ranges = [(f - w, f + w) for f, w in zip(at[out], near[out], strict=True)]
     share = np.mean(np.any([(a < at) & (at < b) for a, b in ranges], axis=0))
     note = said("oscillation", frequency=at[most], ratio=ratio[most], share=share)
     return ranges, [Disturbance("oscillation", 0.0, len(y) * dt, note)]
