@@ -47,7 +47,6 @@ ENDS = np.geomspace(4, 40, 12)  # time constants of a warm-up that ends in a log
 INSTEAD = said("instead")  # how the note of a drift begins to say so
 FILTER = 8.0  # means; a shorter correlation time is a filter's, not a bias's
 SHARE = 0.8  # of the variance of a coefficient; where white noise has more, it rules
-MASKED = 0.3  # white noise of a mean, of the bias that hides it
 QUICK = 5e-4  # of the log; a gyro's slow noise has longer correlation times than so
 NEAR = 0.3  # of a drift: from an end of its interval to zero, where 4 logs of 5 give a value
 # The model whose biases are tried with a drift: a bias below the white noise is taken for the
@@ -551,13 +550,11 @@ def lost_in_means(finest, likelihood, fit):
 def low_passed(likelihood, fit):
     """Whether the fastest bias is white noise behind a first-order low-pass, which looks alike.
 
-    It hides the white noise of a mean, and is forgotten many times in the log.
+    It leaves the white noise no lower end, and is forgotten many times in the log.
     """
-    if min(fit.terms.get("corr_time", ()), default=np.inf) > QUICK * likelihood.duration:
-        return False
-    white = fit.terms["sigma_v"][0] / np.sqrt(likelihood.per_sample)
-    hidden = white < MASKED * fit.terms["sigma_b"][0]
-    return hidden and likelihood.interval(fit, "sigma_v")[0] is None
+    fastest = min(fit.terms.get("corr_time", ()), default=np.inf)
+    quick = fastest <= QUICK * likelihood.duration
+    return quick and likelihood.interval(fit, "sigma_v")[0] is None
 
 
 def as_noisy(y, fit):
