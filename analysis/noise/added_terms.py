@@ -124,9 +124,8 @@ class AddedTerm:
 
     def disturbance(self, coarse):
         """Report the fitted term; the parameters hold with it, so it decides nothing."""
-        size, *place = self.parameters.items()
-        words = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in (size, *place))
-        words = words.replace("duration", "over")
+        named = ((name.replace("_", " "), value) for name, value in self.parameters.items())
+        words = ", ".join(f"{name} {value}" for name, value in named).replace("duration", "over")
         note = said("fitted_term", kind=self.kind.replace("_", "-"), size=words)
         start = self.at - self.width / 2 if self.kind == "step" else 0.0
         return Disturbance(self.kind, start, coarse.duration, note)

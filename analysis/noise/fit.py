@@ -322,7 +322,9 @@ def choose(fits):
     """Choose the simplest model within 2 of the least AIC, and N+GM among equals.
 
     It is the one that is drawn, and under which the log is cleaned; what is reported is what all
-    models leave (see `over_models`).
+    models leave (see `over_models`). One term too many is chosen where 2 ln L rises by 4 with it:
+    by chance in P(chi2_1 > 4) / 2 = 2.3 % of logs, however long they are. A log of one bias may
+    have no sigma_b then: the term looks like a slower bias whose correlation time has no end.
 
     Parameters
     ----------

@@ -92,9 +92,9 @@ class Likelihood:
     @property
     def added(self):
         """Coefficients of the added regressors, shape (rows, p - 1)."""
-        used = slice(0 if self.detrend else 1, None)
-        best = np.linalg.solve(self.xx[:, used, used], self.xy[..., used, None])[..., 0]
-        return best[..., 1 if self.detrend else 0 :]
+        first = 0 if self.detrend else 1
+        best = np.linalg.solve(self.xx[:, first:, first:], self.xy[..., first:, None])[..., 0]
+        return best[..., 1 - first :]
 
     @property
     def added_cov(self):
@@ -382,9 +382,8 @@ def _ends(stretch, terms):
     corr_time : ndarray, shape (rows, processes), s
     """
     rows = len(terms.sigma_v)
-    times = [corr_time for _, corr_time in terms.bias] if stretch.has_gaps else []
-    for _, process in _fixed(stretch, terms) if stretch.has_gaps else ():
-        times += list(process(stretch)[1].T)
+    fixed = (time for _, process in _fixed(stretch, terms) for time in process(stretch)[1].T)
+    times = [*(time for _, time in terms.bias), *fixed] if stretch.has_gaps else []
     corr_time = np.array([time + np.zeros(rows) for time in times]).reshape(-1, rows).T
     factor = np.sqrt(_reach(stretch, corr_time) / (2 * np.exp(-stretch.dt / corr_time[:, None])))
     return factor, corr_time
