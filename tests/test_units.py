@@ -131,6 +131,22 @@ def test_a_clock_does_not_depend_on_axes_or_on_the_direction_of_time():
     assert clock_offset(*ab[::-1]).offset_s.value == pytest.approx(-middle, abs=half)
 
 
+def test_noise_does_not_depend_on_which_unit_is_first():
+    """property: with a unit at 2 Hz and two at 1 Hz, in turns, of white noise of 3, 6 and 1.5 m."""
+    rng, path, sizes = np.random.default_rng(3), drive(900, np.random.default_rng(2)), (3, 6, 1.5)
+    units = []
+    for size, begin, hertz in zip(sizes, (2.0, 2.0, 2.5), (1, 2, 1), strict=True):
+        t = np.arange(begin, 898.0, 1 / hertz)
+        units.append(unit(t, path(t) + size * rng.standard_normal((len(t), 2))))
+    each = local_tracks(named(*units))
+    for order in ((0, 1, 2), (1, 0, 2), (2, 1, 0)):
+        first, *others = of = [each[k] for k in order]
+        noise, _ = noise_of_each([differences(first, other, *of) for other in others])
+        found = [noise["along"].independent[order.index(k)].value for k in range(3)]
+        np.testing.assert_allclose(found[:2], sizes[:2], rtol=0.2)
+        assert 0.9 < found[2] < 1.8  # read between its samples it is less
+
+
 def test_what_stands_still_and_what_is_another_journey():
     """known case: 30 m of scatter, 1 deg/s of that of turns; 15 s in common.
 
@@ -606,6 +622,16 @@ def test_each_component_of_each_unit_has_its_own_noise():
         np.testing.assert_allclose(component.hat, expected**2, rtol=2e-3)
         np.testing.assert_allclose([e.value for e in component.independent], expected, rtol=1e-3)
         assert component.p_independent == 1.0
+
+
+def test_correlated_units_are_called_correlated():
+    """analytic: a unit that shares 0.65 with two others has a negative hat; nothing is resolved."""
+    mixed = np.linalg.cholesky([[1, 0.65, 0.65], [0.65, 1, 0.05], [0.65, 0.05, 1]])
+    found = unit_variances(mixed @ np.random.default_rng(8).standard_normal((3, 1000)))
+    assert found.hat[0] < 0 and found.p_independent < 1e-6 and np.isnan(found.allowed[0.2]).all()
+    assert not any(e.resolved for e in found.sigma) and "correlated" in found.note
+    low, high = found.allowed[0.5].T  # the truth has 0.65, and the units still are near 1 m
+    assert (low <= high).all() and high.max() < 1.2
 
 
 def test_one_negative_variance_and_how_few_values_it_has():
