@@ -109,12 +109,17 @@ def test_a_log_without_header_is_read_by_column_numbers(tmp_path, monkeypatch):
 
 
 def test_start_and_stop_cut_by_seconds_from_the_first_row(tmp_path):
-    """Property: a stretch equals the same rows of the whole log, with stamps or without."""
+    """Property: a stretch equals the same rows of the whole log, with stamps or without.
+
+    A double holds 1700000000.57 to 2e-7 s.
+    """
     path = write(tmp_path, lines())
+    unix = [f"{1.7e9 + float(t):.2f},{rest}" for t, rest in (r.split(",", 1) for r in lines())]
     whole = values(logs.read(path))
-    for given in ({}, {"rate": 100, "columns": [2, 3]}):
-        part = logs.read(path, start=0.5, stop=1.5, **given)
-        np.testing.assert_array_equal(values(part), whole[:, 50:150])
+    for given, rows in (({}, None), ({"rate": 100, "columns": [2, 3]}, None), ({}, unix)):
+        path = write(tmp_path, rows) if rows else path
+        part = logs.read(path, start=0.57, stop=1.53, **given)
+        np.testing.assert_array_equal(values(part), whole[:, 57:153])
 
 
 @pytest.mark.parametrize(("unit", "period"), [("deg", 360.0), ("rad", 2 * np.pi)])

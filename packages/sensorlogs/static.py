@@ -256,7 +256,7 @@ def _placed(table, option):
     if not 0 <= start < stop:
         raise WrongUsage(f"{file}: --from {start:g} --to {stop:g} is no stretch of time")
     if option.keys() & {"from", "to"}:
-        inside = ~(at < start) & ~(at >= stop)
+        inside = ~(at < start - 1e-6) & ~(at >= stop - 1e-6)  # a double holds Unix time to 2e-7 s
         if not inside.any():
             lasts = f"the log lasts {np.nanmax(at):.6g} s"
             raise WrongUsage(f"{file}: no row from {start:g} s to {stop:g} s; {lasts}")
