@@ -167,9 +167,16 @@ def test_a_rest_and_a_repetition_of_a_stamp_are_told_apart():
     """Property: MS beside a clock is no clock; nanoseconds from 1e9 on are no fraction."""
     clock = pd.DataFrame({"MS": [0.0], "UTC TIME": ["09:00:00"]})
     assert times.time_column(clock) == "UTC TIME" and times.time_column(clock[["MS"]]) == "MS"
-    for nsec, seconds in ((5e8, 3.5), (3.5e9, 3.0)):
-        frame = times.joined(pd.DataFrame({"time_sec": [3.0], "time_nsec": [nsec]}))
-        assert frame["time_sec"].tolist() == [seconds]
+    for names, rest, seconds in (
+        ("time_sec time_nsec", 5e8, 3.5), ("time_sec time_nsec", 3.5e9, 3.0),
+        ("time_s time_ns", 5e8, 3.5), ("seconds nanoseconds", 5e8, 3.5), ("tsec tnsec", 5e8, 3.5),
+        ("stamp.secs stamp.usecs", 5e5, 3.5), ("time_s time_us", 3.5e6, 3.0),
+    ):  # fmt: skip
+        whole, beside = names.split()
+        frame = times.joined(pd.DataFrame({whole: [3.0], beside: [rest]}))
+        assert frame[whole].tolist() == [seconds], names
+    both = times.joined(pd.DataFrame({"time_s": [3.5], "time_us": [5e5]}))
+    assert both["time_s"].tolist() == [3.5]
 
 
 DAYS = "%Y-%m-%dT%H:%M:%S.%f", "%Y-%m-%d %H:%M:%S.%f+00:00", "%d/%m/%Y %H:%M:%S.%f"

@@ -103,14 +103,14 @@ def time_column(frame: pd.DataFrame) -> str | None:
 
 
 def joined(frame: pd.DataFrame) -> pd.DataFrame:
-    """Add a column of nanoseconds to the one of seconds beside it: ROS writes a stamp as two."""
+    """Add a column of nano- or microseconds to the one of seconds: ROS writes a stamp as two."""
     numbers = frame.select_dtypes("number")
     for name in numbers:
-        for end in (r"nsec\1", r"nanosec\1"):
-            beside = re.sub(r"sec(s?)$", end, name)
-            # From 1e9 on it is no fraction, but the whole time once more.
-            if beside != name and beside in numbers and numbers[beside].max() < 1e9:
-                whole = frame[name] + 1e-9 * frame[beside]
+        for end, size in (("n", 1e-9), ("nano", 1e-9), ("u", 1e-6), ("micro", 1e-6)):
+            beside = re.sub(r"((?<![A-Za-z])s|secs?|seconds?)$", rf"{end}\1", name)
+            # From a second on it is no fraction, but the whole time once more; so may the first be.
+            if beside != name and beside in numbers and size * numbers[beside].max() < 1:
+                whole = frame[name] // 1 + size * frame[beside]
                 frame = frame.assign(**{name: whole}).drop(columns=beside)
     return frame
 
