@@ -28,6 +28,9 @@ TRUE = {  # stamps of 12,000 samples, their rate and how well it is known, what 
     "jitter": (LATE, 100, 1e-4, "wander"),  # 5 ms at either end of 120 s
     "a stall": (STALLED, 100, 1e-4, "1 sample stamped late but none lost"),
     "whole seconds": (np.floor((ROW + 37) / 100), 100, 1e-12, "resolution 1 s"),
+    # Samples between one and two ticks of the clock apart, and between two and three: the ends are
+    # rounded to a tick of 25,000, or of 14,000.
+    **{f"{f} Hz in ms": (np.round(ROW / f, 3), f, 1e-4, "even") for f in (476, 600, 700, 833, 952)},
 }
 
 

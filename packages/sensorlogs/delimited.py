@@ -231,14 +231,12 @@ def printable(text: str) -> str:
 
 def _names(fields: list[str]) -> tuple[str, ...]:
     """Return one name per column, none empty, none twice: ``c1``, ``c2`` where there is none."""
-    names: list[str] = []
-    known: set[str] = set()  # of ten thousand columns, a list is slow to look through
+    names: dict[str, None] = {}  # of ten thousand columns, a list is slow to look through
     for number, field in enumerate(fields, 1):
         name = printable(field.strip().strip('"').strip()) or f"c{number}"
-        while name in known:
+        while name in names:
             name += f" (column {number})"
-        names.append(name)
-        known.add(name)
+        names[name] = None
     return tuple(names)
 
 

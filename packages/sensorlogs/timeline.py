@@ -267,9 +267,8 @@ def turn_imu(timeline: Timeline, angle: float, axis: Sequence[float] = (0.0, 0.0
     -------
     Timeline
     """
-    imu = timeline.imu
-    if imu is None:
+    if timeline.imu is None:
         return timeline
     old_to_new = Rotation.from_rotvec(-angle * np.asarray(axis) / np.linalg.norm(axis))
-    turned = {name: old_to_new.apply(getattr(imu, name)) for name in ("gyro_b", "accel_b")}
-    return replace(timeline, imu=replace(imu, **turned))
+    turned = {name: old_to_new.apply(getattr(timeline.imu, name)) for name in ("gyro_b", "accel_b")}
+    return replace(timeline, imu=replace(timeline.imu, **turned))
