@@ -443,7 +443,8 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
         raise BadStamps(0, f"the time stamps do not advance; {NO_STAMPS}")
     usual = float(np.median(step))
     near = (step > (1.999 - GAP) * usual) & (step < (GAP + 0.001) * usual)  # of 2 and 3 ms, both
-    mode = "count" if mode == "auto" and _in_turn(step, usual) else mode
+    if mode == "auto" and usual < 1.5 * SCALES["ms"] and _in_turn(step, usual):
+        mode = "count"  # a slower logger rather loses samples in turn
     if coarse:
         rate, missing = _coarse(t, rows, repairs)
     elif mode == "auto" and (near.mean() >= REGULAR_SHARE or _on_ticks(step / usual)):
