@@ -2,12 +2,13 @@
 
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import FIGURES, datasheets
+from analysis import FIGURES, datasheets, store
 from studies import coverage
 from workbench import explorer
 
@@ -50,6 +51,17 @@ def test_the_page_holds_the_committed_surface(pages):
     assert len({p["part"] for p in data["parts"]}) == datasheets.sheets()["bias"].count()
     assert priced["mpu6050-gyro"] == priced["mpu6050"] == 2
     assert all(p["source"] and p["n"] > 0 and (p["b"] or p["b_high"]) for p in data["parts"])
+
+
+def test_a_part_may_have_a_hyphen(monkeypatch):
+    """property: under a name with a hyphen a part and its logs have the same price and sheet."""
+    listed, atlas = datasheets.read(), store.read("atlas").tables["atlas"]
+    usual, parts = explorer._parts(), {"mpu6050": "my-6-050", "mpu6050-gyro": "my-6-050-0a1b2c"}
+    monkeypatch.setattr(datasheets, "read", lambda: {parts.get(k, k): v for k, v in listed.items()})
+    monkeypatch.setattr(store, "read", lambda _: SimpleNamespace(tables={"atlas": atlas}))
+    atlas["sensor"] = atlas["sensor"].replace(parts)
+    expected = [{k: parts.get(v, v) for k, v in part.items()} for part in usual]
+    assert explorer._parts() == expected
 
 
 def test_numbers_in_sentences_are_those_of_notebooks(pages):

@@ -94,9 +94,9 @@ def _parts():
     rows = store.read("atlas").tables["atlas"].query(RATES).fillna({"axis": ""})
     stated = rows.query("basis == 'datasheet'").set_index("sensor")["n"]
     parts = []
-    for row in rows.to_dict("records"):
-        # A measured log is named after its part, "mpu6050-gyro"; the part has the price.
-        row["part"] = row["sensor"].split("-")[0]
+    # A measured log is named after its part, "mpu6050-gyro"; the part has the price.
+    part = rows["sensor"].where(rows["sensor"].isin(listed), rows["sensor"].str.rpartition("-")[0])
+    for row in rows.assign(part=part).to_dict("records"):
         sheet = listed.get(row["part"], {})
         over = row["n"] / stated.get(row["part"], np.nan) if row["basis"] == "measured" else None
         row["low_usd"], row["high_usd"] = sheet.get("price_usd", (None, None))
