@@ -38,6 +38,7 @@ SAME = 10.0  # m; places that are near enough to be one
 SURE = 0.999  # weight near the most likely place from which on it is taken
 EXPLAINED = 1e-3  # probability of samples as bad as these at the most likely place
 DOUBT = 1e-4  # weight near the filter's position below which the alarm is raised
+UNSEEN = 1e30  # deg^2, R of a drive without a sample where others have one: it only predicts
 
 
 @dataclass(frozen=True)
@@ -109,8 +110,9 @@ def watch(
     waited = np.full(drives, WAIT - WINDOW)
     raised = Watched(position, lost, [], [])
     for k, step in enumerate(steps):
-        read = z[:, k, None] if np.isfinite(z[:, k]).all() else None
-        advance(ukf, setup, step, Q, read, R)
+        seen = np.isfinite(z[:, k]).all(axis=0)
+        read = np.where(seen, z[:, k, None], 0.0) if seen.any() else None
+        advance(ukf, setup, step, Q, read, np.where(seen, R, UNSEEN))
         here = np.where(is_lost, position[at[k] - every] + step, ukf.x[0, 0])
         waited += np.abs(step)
         for d in np.flatnonzero(waited >= WAIT):
@@ -171,7 +173,7 @@ def likelihood(averaged, samples, driven, sensor, setup, places):
     explained : float
         Probability that samples from the most likely place agree no better with it (chi-square).
     """
-    begin = int(np.searchsorted(driven, driven[-1] - WINDOW))
+    begin = int(np.argmax(np.abs(driven - driven[-1]) <= WINDOW))
     back, z = driven[begin:] - driven[-1], samples[:, begin:]
     number = ((driven[begin:] - driven[begin:].min()) // STRETCH).astype(int)  # it may reverse
     usable = np.isfinite(z).all(axis=0)
@@ -254,8 +256,8 @@ def watch_real_laps(
         places = truth.min() - SAME, truth.max() + SAME
         changed = [_spoilt(truth, moved, attitude, **how) for how in DISTURBANCES.values()]
         driven, seen, first = (np.stack(of, axis=-1) for of in zip(*changed, strict=True))
-        given = seen + gyro[..., None], driven, first, sensor, own, places
-        found = watch(profile.attitude_map(), *given)
+        seen += gyro[..., None]
+        found = watch(profile.attitude_map(), seen, driven, first, sensor, own, places)
         off = np.abs(found.position - truth[:, None])
         alarms, again = ([d for d, _ in of] for of in (found.alarms, found.found))
         for d, name in enumerate(DISTURBANCES):

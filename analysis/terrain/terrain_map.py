@@ -279,5 +279,4 @@ def held_out(laps: Sequence[Any], line: CentreLine, width: float) -> dict[str, l
 
 def _pool(values, step):
     """Average around the track with a Gaussian weight."""
-    width = min(POOLED / step, len(values) / 8)
-    return gaussian_filter1d(values, width, mode="wrap", truncate=8)
+    return gaussian_filter1d(values, min(POOLED / step, len(values) / 8), mode="wrap", truncate=8)

@@ -121,7 +121,8 @@ class Ukf:
             innovation[0] -= x[i]
         of_added = [sum(root[i][j] * further[j] for j in range(1, i + 1)) for i in range(n)]
         P_xz = [[root[i][0] * slope[c] + of_added[i] for c in range(m)] for i in range(n)]
-        K = [_divide(row, S) for row in P_xz]
+        s = S[0, 0], S[0, -1], S[-1, -1]
+        K = [divide(*row, *s) if m == 2 else [row[0] / s[0]] for row in P_xz]
         for i in range(n):
             for c in range(m):
                 x[i] += K[i][c] * innovation[c]
@@ -171,10 +172,3 @@ def _cholesky(P):
             rest = P[i, j] - sum(root[i][k] * root[j][k] for k in range(j))
             root[i][j] = np.sqrt(rest) if i == j else rest / root[j][j]
     return root
-
-
-def _divide(row, S):
-    """Solve k S = row for one or two channels."""
-    if len(row) == 1:
-        return [row[0] / S[0, 0]]
-    return divide(*row, S[0, 0], S[0, 1], S[1, 1])
