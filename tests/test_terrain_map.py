@@ -152,6 +152,9 @@ def test_a_line_round_a_circle():
     right = 2.5 * np.cos(s)
     for found, place in zip((line.project, line.lap_distance), (s % length, s), strict=True):
         np.testing.assert_allclose(found(*circle(s, right)), [place, right], atol=1e-6)
+    s = np.arange(0.0, 1.1 * length, 7.3)
+    s[(0.1 * length < s) & (s < 0.7 * length)] = np.nan  # the shorter way is back
+    refused(CannotAnswer, "m back at once, or lacks half a round", line.lap_distance, *circle(s))
     s = np.arange(-length, length, 0.25)
     wave = line.smooth(s, np.cos(12 * s / radius), 5.0)
     np.testing.assert_allclose(wave, np.exp(-0.18) * np.cos(12 * grid / radius), atol=2e-3)

@@ -203,8 +203,7 @@ def calibrate(one_way, other_way, dt):
         ways = ([residuals(lap, mounting, dt) for lap in laps] for laps in (one_way, other_way))
         return np.mean([np.mean(way, axis=0) for way in ways], axis=0)
 
-    found = root(mean_residual, np.zeros(3), tol=1e-10)
-    return AntennaMounting(*(float(a) for a in found.x))
+    return AntennaMounting(*root(mean_residual, np.zeros(3), tol=1e-10).x.tolist())
 
 
 def remove_jumps(s, height):

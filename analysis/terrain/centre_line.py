@@ -101,7 +101,7 @@ class CentreLine:
         Raises
         ------
         CannotAnswer
-            If the lap leaves the line, or runs against it.
+            If the lap leaves the line, runs against it, or lacks more than half a round.
         """
         wrapped, offset = self.project(east, north)
         if not np.isfinite(wrapped).any():
@@ -121,6 +121,11 @@ class CentreLine:
                 f"the lap leaves the map: it is {abs(offset[worst]):.0f} m to the side of the "
                 f"centre line at s = {wrapped[worst]:.0f} m ({MAX_OFFSET:g} m are allowed); cut "
                 "it there"
+            )
+        back = np.diff(driven).min(initial=0.0)
+        if back < -SAME_ROAD:  # `unwrap` took the shorter way round
+            raise CannotAnswer(
+                f"the lap goes {-back:.0f} m back at once, or lacks half a round: cut it there"
             )
         return s, offset
 

@@ -453,8 +453,7 @@ def interval(resampled: ArrayLike, *, skewed: bool = False) -> Estimate:
     value, low, high = resampling.quantiles(resampled)
     if skewed and low > 0:
         low, high = min(low, value**2 / high), max(high, value**2 / low)
-    value, low, high = (float(v) if np.isfinite(v) else None for v in (value, low, high))
-    return Estimate(value, low, high)
+    return Estimate(*(float(v) if np.isfinite(v) else None for v in (value, low, high)))
 
 
 def share(yes: Sequence) -> Estimate:
@@ -469,8 +468,7 @@ def share(yes: Sequence) -> Estimate:
     Estimate
     """
     found = binomtest(int(np.sum(yes)), len(yes))
-    low, high = found.proportion_ci()
-    return Estimate(float(found.statistic), float(low), float(high))
+    return Estimate(float(found.statistic), *map(float, found.proportion_ci()))
 
 
 def nees_bounds(runs):
@@ -481,8 +479,7 @@ def nees_bounds(runs):
     low, high : float
         Of a mean whose expectation is 1.
     """
-    low, high = chi2.ppf([0.025, 0.975], runs) / runs
-    return float(low), float(high)
+    return tuple((chi2.ppf([0.025, 0.975], runs) / runs).tolist())
 
 
 @dataclass(frozen=True)
