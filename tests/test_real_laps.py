@@ -8,8 +8,9 @@ import pytest
 from refused import refused
 from scipy.stats import binom
 
-from analysis import CannotAnswer, store, terrain_data
+from analysis import CannotAnswer, WrongUsage, store, terrain_data
 from analysis.terrain import Sensor, Setup, antennas, centre_line, real_laps, track_real_laps
+from analysis.terrain.open_choices import Interpretation
 from analysis.terrain.real_laps import MapError
 from studies import real_laps as study
 
@@ -53,6 +54,12 @@ def test_a_lap_without_an_antenna_or_off_the_map_is_refused():
         r"no attitude at .* a filter needs a map without gaps": (lap, torn),
     }.items():
         refused(CannotAnswer, words, track_real_laps, {0: pair}, PERFECT, SETUP, runs=1, seed=1)
+    for form in ({"high_pass": 5.0}, {"difference": 20.0}):  # of gyro alone it would be a wrong one
+        given = {0: (lap, others)}, PERFECT, replace(SETUP, **form)
+        refused(WrongUsage, "no high-pass and no diff", track_real_laps, *given, runs=1, seed=1)
+    roll, roads = Interpretation(channel="roll"), terrain_data.roads()
+    given = {0: (lap, others)}, roll
+    refused(WrongUsage, "their pitch, not by 'roll'", roads.evaluate_real, *given, draws=1, seed=1)
 
 
 def test_the_error_of_a_map_is_recovered():

@@ -469,5 +469,4 @@ class Setup:
     def drift_sd(self, sensor: Sensor, seconds: float | None = None) -> float:
         """Standard deviation of a sensor's attitude error after a time or at the lap's end, deg."""
         t = self.seconds if seconds is None else seconds
-        end = attitude_variance(t, *sensor[:2], self.corr_time, start=self.start)
-        return float(np.sqrt(end))
+        return float(np.sqrt(attitude_variance(t, *sensor[:2], self.corr_time, start=self.start)))

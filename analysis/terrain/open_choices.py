@@ -224,7 +224,14 @@ class Roads(NamedTuple):
         -------
         DataFrame, indexed by claim
             As `evaluate`.
+
+        Raises
+        ------
+        WrongUsage
+            If the channel is not the pitch, or the form not absolute.
         """
+        if chosen.channel != "pitch":
+            raise WrongUsage(f"real laps are tracked by their pitch, not by '{chosen.channel}'")
         sensors = chosen.sensors(self.table_3)
         found = track_real_laps(laps, sensors, chosen.setup(), runs=draws, seed=seed)
         driven = Laps.crossed_of([*found.values()], MOMENTS)
@@ -247,8 +254,7 @@ class Roads(NamedTuple):
                 inside = (again >= least[claim]) & (again <= most[claim])
                 # A quantile that stands among the numbers, for some of them are infinite.
                 low, high = np.quantile(again, [0.025, 0.975], method="nearest")
-            row = {"value": values[0], "low": low, "high": high}
-            rows[claim] = row | {"inside": inside.mean()}
+            rows[claim] = {"value": values[0], "low": low, "high": high, "inside": inside.mean()}
         return pd.DataFrame(rows).T
 
 

@@ -138,8 +138,7 @@ def compare_filters(
             each.predict(moved[k], q)
             each.update(z, setup.R)
         if k % stride == 0:
-            errors = [ukf.x[0] - truth[k], grid.mean()[0] - truth[k]]
-            stored.append([*errors, ukf.P[0, 0].copy()])
+            stored.append([ukf.x[0] - truth[k], grid.mean()[0] - truth[k], ukf.P[0, 0].copy()])
     of_ukf, of_grid, variance = np.moveaxis(stored, 1, 0)  # each (times, runs)
     at = truth[stride::stride]
     by_distance = {

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import curve_fit
 from scipy.stats import t as student
 
-from analysis import CannotAnswer
+from analysis import CannotAnswer, WrongUsage
 from analysis.terrain import antennas
 from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.monte_carlo import Laps, attitude_errors, follow
@@ -285,7 +285,11 @@ def track_real_laps(
     ------
     CannotAnswer
         If a lap has no attitude, or leaves its map.
+    WrongUsage
+        If the setup compares something else than the attitude itself.
     """
+    if setup.high_pass or setup.difference:
+        raise WrongUsage("real laps compare attitude with map: no high-pass and no difference")
     streams = np.random.SeedSequence(seed).spawn(runs)
     off = setup.begin_sd * np.array([np.random.default_rng(s).standard_normal() for s in streams])
     tracked = {}
