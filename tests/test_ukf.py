@@ -106,17 +106,26 @@ def test_filter_grid_and_bound_where_the_model_is_true(road):
     assert 0.85 < found["NEES"].iloc[15:].between(low, high).mean() <= 1.0
 
 
-def test_grid_filter_diffuses_by_exactly_q(monkeypatch):
+@pytest.mark.parametrize("q", [0.0, 1e-3, 8e-3])  # the last is more than one kernel spreads
+def test_grid_filter_diffuses_by_exactly_q(monkeypatch, q):
     """property: without measurements the variance grows by q a step and the sum stays 1."""
     monkeypatch.setattr(point_mass, "HALF_WIDTH", 6.0)  # m, so that nothing reaches the ends
     grid = point_mass.PointMass(hills(), np.array([50.0]), 0.25)
     before = grid.mean()[1]
     for _ in range(100):
-        grid.predict(0.1, 1e-3)
+        grid.predict(0.1, q)
     mean, variance = grid.mean()
     assert mean[0] == pytest.approx(60.0, abs=1e-9)
-    assert variance[0] - before[0] == pytest.approx(0.1, rel=1e-6)
-    assert grid.p.sum() == pytest.approx(1.0, abs=1e-12)
+    assert variance[0] - before[0] == pytest.approx(100 * q, rel=1e-6, abs=1e-12)
+    assert grid.p.sum() == pytest.approx(1.0, abs=1e-12) and grid.p.min() >= 0
+
+
+def test_the_grid_reaches_as_far_as_the_odometry_errs():
+    """cross-check: on a slope UKF and grid filter agree, wherever the drive began."""
+    road = AttitudeMap(-100.0, 1.0, 0.05 * np.arange(400.0))
+    setup = Setup(20.0, rate_hz=20.0, R=1.0, odometry_scale=0.0, odometry_walk=0.1, begin_sd=3.0)
+    found, _ = point_mass.compare_filters(road, setup, runs=20, seed=SEED)
+    np.testing.assert_allclose(found["grid filter"], found["UKF"], rtol=0.01)  # of 4 sigma
 
 
 def test_map_reads_straight_lines_and_stays_level_outside():

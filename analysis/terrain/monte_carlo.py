@@ -156,8 +156,7 @@ class Laps:
 
     def reach(self) -> pd.Series:
         """Absolute error that 95 % of all moments of all laps stay below, m, by sensor."""
-        absolute = np.abs(self.error).reshape(len(self.error), -1)
-        return self._by_sensor(np.quantile(absolute, 0.95, axis=1)[None]).loc[0]
+        return self._by_sensor(np.quantile(np.abs(self.error), 0.95, axis=(1, 2))[None]).loc[0]
 
     def reaches(self, draws: int, rng: np.random.Generator) -> pd.DataFrame:
         """Bootstrap `reach` over laps.

@@ -23,7 +23,7 @@ from analysis.terrain.terrain_map import AttitudeMap
 from analysis.terrain.ukf import Ukf
 
 STORE_EVERY = 0.5  # s between the stored errors of a comparison
-HALF_WIDTH, STEP = 3.0, 0.05  # m: how far the grid reaches to either side of the odometry, spacing
+HALF_WIDTH, STEP = 3.0, 0.05  # m: least reach of the grid to either side of the odometry, spacing
 
 
 class PointMass:
@@ -36,11 +36,13 @@ class PointMass:
         First position.
     variance : float, m^2
         Of the first position, Gaussian.
+    reach : float
+        How far the grid has to reach to either side, m.
     """
 
-    def __init__(self, attitude_map, x, variance):
+    def __init__(self, attitude_map, x, variance, reach=0.0):
         self.map, self.moved = attitude_map, np.array(x, dtype=float)
-        points = round(HALF_WIDTH / STEP)
+        points = round(max(HALF_WIDTH, reach) / STEP)
         self.offset = STEP * np.arange(-points, points + 1)
         prior = np.exp(-0.5 * self.offset**2 / variance)
         self.p = np.tile(prior / prior.sum(), (len(self.moved), 1))
@@ -52,12 +54,14 @@ class PointMass:
         ----------
         moved : array_like, shape (runs,), m
         q : float, m^2
-            At most STEP^2 / 2, so that one three-point kernel with exactly this variance does.
+            Spread over three-point kernels of at most STEP^2 / 2 each, with exactly this variance.
         """
         self.moved += moved
-        side = 0.5 * q / STEP**2
-        # The probability that would leave at the ends stays there, so that the sum stays 1.
-        self.p = convolve1d(self.p, [side, 1 - 2 * side, side], axis=1, mode="nearest")
+        kernels = int(np.ceil(2 * q / STEP**2)) or 1
+        side = 0.5 * q / kernels / STEP**2
+        for _ in range(kernels):
+            # The probability that would leave at the ends stays there, so that the sum stays 1.
+            self.p = convolve1d(self.p, [side, 1 - 2 * side, side], axis=1, mode="nearest")
 
     def update(self, z, R):
         """Weigh every offset by how well the map there explains a measured attitude.
@@ -124,13 +128,12 @@ def compare_filters(
     bounds : tuple of float
         95 % bounds of this mean, were the filter consistent.
     """
-    streams = np.random.SeedSequence(seed).spawn(runs)
-    first, moved = odometry(setup, streams)
+    first, moved = odometry(setup, np.random.SeedSequence(seed).spawn(runs))
     truth, stride = setup.truth, round(STORE_EVERY * setup.rate_hz)
     attitude, rng = attitude_map.at(truth), np.random.default_rng(seed)
     prior, q = setup.begin_sd**2, setup.q * setup.speed / setup.rate_hz
     ukf = Ukf(attitude_map, first[None], np.full((1, 1, runs), prior))
-    grid = PointMass(attitude_map, first, prior)
+    grid = PointMass(attitude_map, first, prior, 4 * np.sqrt(prior + setup.q * setup.length))
     stored = []
     for k in range(1, setup.samples):
         z = attitude[:, k, None] + np.sqrt(setup.R) * rng.standard_normal((len(attitude), runs))
