@@ -33,9 +33,9 @@ def read(path: Path = DATA / "sensors.toml") -> dict[str, dict]:
         for names in (["name"], ["source"], ["arw_deg_sqrt_h", "density_deg_s"]):
             if len(entry.keys() & set(names)) != 1:
                 raise WrongUsage(f"{path.name}: [{key}] needs one line {' or '.join(names)} = ...")
-        low, high = entry.get("price_usd", (1, 1))
-        if not 0 < low <= high:
-            raise WrongUsage(f"{path.name}: [{key}] price_usd = [low, high], not [{low}, {high}]")
+        price = entry.get("price_usd", [1, 1])
+        if not (isinstance(price, list) and len(price) == 2 and 0 < price[0] <= price[1]):
+            raise WrongUsage(f"{path.name}: [{key}] price_usd = [low, high], not {price}")
     return listed
 
 

@@ -38,8 +38,9 @@ def test_a_sensor(tmp_path):
         path.write_text(before + re.sub(f"^{line}.*", "", SENSOR, flags=re.MULTILINE), "utf-8")
         said = rf"sensors\.toml: \[my-gyro\] needs one line {words}"
         refused(WrongUsage, said, datasheets.read, path)
-    path.write_text(before + SENSOR.replace("[5, 20]", "[20, 5]"), "utf-8")
-    refused(WrongUsage, r"\[low, high\], not \[20, 5\]", datasheets.read, path)
+    for price in ("[20, 5]", "[5]", "5"):
+        path.write_text(before + SENSOR.replace("[5, 20]", price), "utf-8")
+        refused(WrongUsage, rf"\[low, high\], not {re.escape(price)}", datasheets.read, path)
 
 
 def test_a_log(tmp_path, monkeypatch):
