@@ -223,9 +223,8 @@ def centre_line(laps):
     # Smoothing a line cuts its corners; the offsets of the laps, averaged below, put that back.
     line = _resample(_smooth_round([line.east_m, line.north_m]).T)
     for _ in range(ROUNDS):
-        offset = np.array([_mean_offset(line, *lap) for lap in laps])
         # Each lap has the same weight, however often its receiver dropped out there.
-        offset = np.nanmean(offset, axis=0)
+        offset = np.nanmean([_mean_offset(line, *lap) for lap in laps], axis=0)
         east1, north1 = line.curves()(line.s_m, 1).T
         moved = np.column_stack([line.east_m + offset * north1, line.north_m - offset * east1])
         line = _resample(moved)

@@ -452,7 +452,8 @@ def interval(resampled: ArrayLike, *, skewed: bool = False) -> Estimate:
     value, low, high = resampling.quantiles(resampled)
     if skewed and low > 0:
         low, high = min(low, value**2 / high), max(high, value**2 / low)
-    return Estimate(*(float(v) if np.isfinite(v) else None for v in (value, low, high)))
+    value, low, high = (float(v) if np.isfinite(v) else None for v in (value, low, high))
+    return Estimate(value, low, high)
 
 
 def share(yes: Sequence) -> Estimate:
@@ -467,7 +468,8 @@ def share(yes: Sequence) -> Estimate:
     Estimate
     """
     found = binomtest(int(np.sum(yes)), len(yes))
-    return Estimate(float(found.statistic), *map(float, found.proportion_ci()))
+    low, high = found.proportion_ci()
+    return Estimate(float(found.statistic), float(low), float(high))
 
 
 def nees_bounds(runs):

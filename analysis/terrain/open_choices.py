@@ -547,8 +547,7 @@ class Judged:
         table = pd.DataFrame({k: of.loc[:, claims].sum(axis=1) for k, of in self._said().items()})
         away = (self.levels != pd.Series(asdict(Interpretation()))).sum(axis=1)
         keys = pd.DataFrame({"fewer": -table["holds"], "fails": table["fails"], "away": away})
-        order = keys.sort_values([*keys], kind="stable").index
-        return table.join(self.levels).loc[order]
+        return table.join(self.levels).loc[keys.sort_values([*keys], kind="stable").index]
 
     def first_order(self) -> pd.DataFrame:
         """Say which factors decide the claims: their shares of the variance of ``inside``.
