@@ -119,7 +119,7 @@ def compare(old: Path, new: Path) -> list[str]:
     -------
     list of str
         One sentence a difference; empty if all words agree exactly and all numbers to `TOLERANCE`,
-        or, in a column of fewer digits, to one unit of the last.
+        or, in a table of fewer digits, to one unit of the last.
     """
     differences = []
     files = {p.name for folder in (old, new) for p in folder.iterdir() if p.is_file()}
@@ -129,9 +129,10 @@ def compare(old: Path, new: Path) -> list[str]:
             differences.append(f"{old.name}: {file} is {'no longer made' if gone else 'new'}")
             continue
         was, now = (_values(folder / file) for folder in (old, new))
-        keys = sorted(was.keys() | now.keys())
-        differ = [k for k in keys if k not in was or k not in now or not _same(was[k], now[k])]
-        differences += [f"{old.name}, {file}: {key} differs" for key in differ]
+        digits = max(_digits(folder / file) for folder in (old, new))
+        for key in sorted(was.keys() | now.keys()):
+            if key not in was or key not in now or not _same(was[key], now[key], digits):
+                differences.append(f"{old.name}, {file}: {key} differs")
     return differences
 
 
@@ -161,7 +162,7 @@ def _flat(content, *keys):
         yield from _flat(value, *keys, key)
 
 
-def _same(a, b):
+def _same(a, b, digits):
     a, b = np.asarray(a), np.asarray(b)
     if a.shape != b.shape:
         return False
@@ -169,19 +170,22 @@ def _same(a, b):
         return np.array_equal(a.astype(str), b.astype(str))
     scale = np.max(np.abs(a), where=np.isfinite(a), initial=0.0)
     same = np.isclose(a, b, rtol=TOLERANCE, atol=1e-6 * scale, equal_nan=True)
-    if a.ndim and a.dtype.kind == b.dtype.kind == "f" and not same.all():
-        # A number of three digits on an edge of rounding comes out as either neighbour.
-        apart = np.abs(np.subtract(a, b, where=~same, out=np.zeros_like(a)))
-        same |= apart < 1.01 * np.maximum(_last_digit(a), _last_digit(b))
+    if digits < DIGITS and a.dtype.kind == b.dtype.kind == "f":
+        # A number of few digits on an edge of rounding comes out as either neighbour.
+        x, y = np.abs([a[~same], b[~same]])
+        unit = 10.0 ** (np.floor(np.log10(np.clip(np.minimum(x, y), 1e-99, None))) + 1 - digits)
+        same[~same] = np.abs(a[~same] - b[~same]) < 1.01 * unit
     return bool(same.all())
 
 
-def _last_digit(numbers):
-    """Give one unit of the last digit that a column is stored with, at least the third, at each."""
-    stored = numbers[np.isfinite(numbers)]
-    fit = (d for d in range(3, DIGITS) if all(float(f"{v:.{d}g}") == v for v in stored))
-    size = np.where(np.isfinite(numbers) & (numbers != 0), np.abs(numbers), np.nan)
-    return 10.0 ** (np.floor(np.log10(size)) + 1 - next(fit, DIGITS))
+def _digits(path):
+    """Count the digits that a table is stored with, at least three."""
+    if path.suffix == ".json":
+        return DIGITS
+    numbers = pd.read_csv(path).select_dtypes("float").to_numpy()
+    known = numbers[np.isfinite(numbers)]
+    fit = (d for d in range(3, DIGITS) if all(float(f"{v:.{d}g}") == v for v in known))
+    return next(fit, DIGITS)
 
 
 def coverage(name: str | Path = "coverage") -> pd.DataFrame:

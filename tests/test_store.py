@@ -224,12 +224,15 @@ def test_rows_of_a_channel_are_compared_among_themselves(tmp_path):
         ([0.5, np.inf], [0.6, np.inf], False),
         ([120, 7], [121, 7], False),  # counts
         ([0.12, 0.0], [0.12, 0.001], False),
+        ([1.0, 45.6], [0.999, 45.6], True),
+        ([1.0, 45.6], [0.998, 45.6], False),
     ],
 )
-def test_a_column_of_few_digits_agrees_to_its_last_one(tmp_path, was, now, same):
+def test_a_table_of_few_digits_agrees_to_its_last_one(tmp_path, was, now, same):
     """analytic: two processors round a number on an edge to either neighbour, and no further."""
     for name, values in (("old", was), ("new", now)):
-        store.write(tmp_path / name, {}, {"t": pd.DataFrame({"value": values})})
+        rows = pd.DataFrame({"value": values, "of": [*"abc"][: len(values)]})  # each by itself
+        store.write(tmp_path / name, {}, {"t": rows})
     assert (store.compare(tmp_path / "old", tmp_path / "new") == []) == same
 
 

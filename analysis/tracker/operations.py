@@ -91,13 +91,19 @@ def _operator(kind, operate, *, swapped=False):
 
     def method(self, other):
         pair = (float(other), self.value) if swapped else (self.value, float(other))
-        return self.result(operate(*pair), kind)
+        self.tally[kind] += 1
+        return Counted(operate(*pair), self.tally)
 
     return method
 
 
+def _free(operate):
+    """Make an operator of one `Counted`, which costs nothing."""
+    return lambda self: Counted(operate(self.value), self.tally)
+
+
 def _comparing(operate):
-    """Make a comparison of `Counted`, which costs nothing."""
+    """Make a comparison of two, which costs nothing either."""
     return lambda self, other: operate(self.value, float(other))
 
 
@@ -117,11 +123,6 @@ class Counted:
     def __init__(self, value, tally):
         self.value, self.tally = float(value), tally
 
-    def result(self, value, kind):
-        """Count one operation and wrap what it gave."""
-        self.tally[kind] += 1
-        return Counted(value, self.tally)
-
     __add__ = __radd__ = _operator("sums", operator.add)
     __sub__ = _operator("sums", operator.sub)
     __rsub__ = _operator("sums", operator.sub, swapped=True)
@@ -132,22 +133,11 @@ class Counted:
     __lt__, __le__ = _comparing(operator.lt), _comparing(operator.le)
     __gt__, __ge__ = _comparing(operator.gt), _comparing(operator.ge)
     __eq__ = _comparing(operator.eq)
+    __neg__, __abs__, __round__ = _free(operator.neg), _free(abs), _free(round)
 
     def __pow__(self, exponent):
         """Square, by a product; the blocks take no other power."""
         return self * self if exponent == 2 else NotImplemented
-
-    def __neg__(self):
-        """Change the sign, which costs nothing."""
-        return Counted(-self.value, self.tally)
-
-    def __abs__(self):
-        """Take off the sign, likewise."""
-        return Counted(abs(self.value), self.tally)
-
-    def __round__(self):
-        """Round, which costs nothing either."""
-        return Counted(round(self.value), self.tally)
 
     def __float__(self):
         """Return a plain float: operations on it are not counted."""

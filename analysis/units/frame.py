@@ -244,8 +244,7 @@ def repeats(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     -------
     start, stop : ndarray of int, shape (spells,)
     """
-    same = (np.diff(values, axis=0) == 0).all(axis=1)
-    return tuple(runs_of(same).T)
+    return tuple(runs_of((np.diff(values, axis=0) == 0).all(axis=1)).T)
 
 
 def rate(t: np.ndarray, x: np.ndarray, width: float) -> np.ndarray:

@@ -264,8 +264,7 @@ def _placed(table, option):
         table = replace(table, frame=frame, rows=np.flatnonzero(inside))
     if not stamped:
         every = np.arange(len(at))
-        grid = Grid(float(rate), len(at), every, every)
-        return table, time, grid, at[0], notes
+        return table, time, Grid(float(rate), len(at), every, every), at[0], notes
     repeated = np.zeros(len(frame), dtype=bool)
     same = np.flatnonzero(at[1:] == at[:-1]) + 1
     now = frame.iloc[same]

@@ -110,8 +110,8 @@ def joined(frame: pd.DataFrame) -> pd.DataFrame:
             beside = re.sub(r"((?<![A-Za-z])s|secs?|seconds?)$", rf"{end}\1", name)
             # From a second on it is no fraction, but the whole time once more; so may the first be.
             if beside != name and beside in numbers and size * numbers[beside].max() < 1:
-                whole = frame[name] // 1 + size * frame[beside]
-                frame = frame.assign(**{name: whole}).drop(columns=beside)
+                rest = size * frame[beside] * (not (frame[name] % 1 > 0).any())
+                frame = frame.assign(**{name: frame[name] + rest}).drop(columns=beside)
     return frame
 
 
