@@ -169,13 +169,13 @@ def counted() -> text.Shown:
     n, claimed = counts().sum(), len(published())
     agree, differ = (n[kind] + n[f"{kind} if"] for kind in (REPRODUCED, NOT_REPRODUCED))
     waiting = f", and {n[NOT_YET]} wait for a notebook" * bool(n[NOT_YET])
-    ways = independent()[WAYS].dropna()
-    paper, car = (sum(said.startswith(REPRODUCED) for said in of) for _, of in ways.items())
+    ways = independent()[["outcome", *WAYS]].dropna()
+    taken, paper, car = (sum(said.startswith(REPRODUCED) for said in ways[of]) for of in ways)
     twice = (
         f" On tracking, {len(ways)} claims of the terrain paper are judged twice: with the noise of"
         f" a gyro on the attitude, as in its text, {paper} hold; with it integrated, as in eq. (1)"
-        f" and in a car, {car}. Counted above is the former, for more claims hold there, or the"
-        " car's where that is open."
+        f" and in a car, {car}. Counted above is the former, chosen also because more claims hold"
+        f" there, or the car's where that is open; by the car's {agree - taken + car} hold in all."
     )
     return text.Shown(
         f"The papers make {claimed} claims; {n.sum()} are independent (each computation once,"
