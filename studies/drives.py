@@ -38,12 +38,12 @@ def rest_statistics(timeline: Timeline) -> tuple[pd.DataFrame, pd.DataFrame]:
     Returns
     -------
     statistics : pandas.DataFrame
-        A row for each GNSS epoch: ``speed_m_s`` of the receiver, then, each smaller at rest,
-        ``as printed``: largest horizontal acceleration of a sample since the last epoch, m/s^2
-        (eq (1)); ``mean of 0.25 s``: the same of its running mean, with the tilt read again at
-        rest; over the last two seconds ``variance``: standard deviation of the specific force,
-        m/s^2; ``SHOE``: root of its statistic (Skog et al.), with gravity's size and the bias by
-        block 2 known; ``short means``: root of the statistic of `RestDetector`.
+        A row for each GNSS epoch, each smaller at rest: ``as printed``: largest horizontal
+        acceleration of a sample since the last epoch, m/s^2 (eq (1)); ``mean of 0.25 s``: the same
+        of its running mean, with the tilt read again at rest; over the last two seconds
+        ``variance``: standard deviation of the specific force, m/s^2; ``SHOE``: root of its
+        statistic (Skog et al.), with gravity's size and the bias by block 2 known; ``short means``:
+        root of the statistic of `RestDetector`.
     static : pandas.DataFrame of bool
         A column for each of `RESTS`: whether block 3 calls the epoch static, by speed and IMU.
     """
@@ -66,8 +66,7 @@ def _watched(timeline, options):
     for epoch, row, device, given in stepped(timeline, options):
         device.static.__class__ = Watched
         window = [s for s in window + given if s[0] > epoch.t_s - WINDOW_S]
-        found = {"speed_m_s": epoch.speed, "moving": row["moving"]}
-        found |= {"peak": peak[0] if given else np.nan}
+        found = {"moving": row["moving"], "peak": peak[0] if given else np.nan}
         found |= dict.fromkeys(("variance", "SHOE", "short means"), np.nan)
         if len(window) > 1 and device.attitude.ready and device.rest:
             force = np.array([s[2] for s in window])
@@ -129,10 +128,10 @@ def bridged(
     Returns
     -------
     pandas.DataFrame
-        A row an outage and length: ``t_s``, ``seconds``, ``speed_m_s`` at its start; at its end
-        the errors (m): ``hold the position``, ``constant velocity``, ``block 6 (fusion)`` and
-        ``constrained filter``; of these two with `` nees`` the squared error over the variances of
-        filter and fix.
+        A row an outage and length: ``t_s`` at its start, ``seconds``; at its end the errors (m):
+        ``hold the position``, ``constant velocity``, ``block 6 (fusion)`` and ``constrained
+        filter``; of these two with `` nees`` the squared error over the variances of filter and
+        fix.
     """
     found: dict[tuple[float, float], dict[str, float]] = {}
     for name, kind in (("block 6 (fusion)", "block6"), ("constrained filter", "car")):
@@ -170,7 +169,7 @@ def _without_fixes(since, epoch, given, lengths, name, found):
         off = np.array(device.ned[:2]) - true
         sigma = 0.0 if np.isnan(epoch.pdop) else device.options.metres_per_pdop * epoch.pdop
         S = np.array([[nn + sigma**2, ne], [ne, ee + sigma**2]])
-        row = found.setdefault((start.t_s, seconds), {"speed_m_s": start.speed})
+        row = found.setdefault((start.t_s, seconds), {})
         row["hold the position"] = np.hypot(*(from_there - true))
         row["constant velocity"] = np.hypot(*(from_there + ahead * (epoch.t_s - start.t_s) - true))
         row[name] = np.hypot(*off)

@@ -107,15 +107,14 @@ def _stability(real, setup, same, rng):
     assumed = {
         (t, k): s._replace(R=(t * scatter) ** 2) for t in ASSUMED for k, s in SENSORS.items()
     }
-    lost = {}
+    lost = []
     for with_states in (False, True):
         kept = replace(setup, bias_states=with_states)
-        for of in terrain.track_real_laps(real, assumed, kept, **same).values():
-            for at in assumed:
-                lost.setdefault((with_states, *at), []).append(of.lost(LOST_M)[at])
+        tracked = terrain.track_real_laps(real, assumed, kept, **same).values()
+        lost.append([of.lost(LOST_M) for of in tracked])
     rows = []
     for t, k in assumed:
-        without, with_states = (np.array(lost[s, t, k], dtype=float) for s in (False, True))
+        without, with_states = (np.array([of[t, k] for of in runs], dtype=float) for runs in lost)
         more = _interval(with_states - without, rng)
         row = {"times": t, "gyro": k, "least_deg": t * scatter.min(), "most_deg": t * scatter.max()}
         row |= {"without": without.mean(), "with": with_states.mean()}

@@ -251,7 +251,7 @@ def stops():
     dict
     dict of pandas.DataFrame
         ``verdicts``: for each ride and test, epochs stopped (speed under `STANDING` now and at the
-        epoch before) and above 1 m/s, and how many of each are called static, by speed and IMU;
+        epoch before), and how many of them, and of those above 1 m/s, are called static;
         ``roc``: shares of both under each threshold of a statistic of the IMU alone;
         ``each``: for each stop of a real ride of over five epochs the median of each statistic;
         ``bias``: mean rate of each gyro axis in the first and the last stop (deg/s).
@@ -260,32 +260,28 @@ def stops():
     simulated = [scenario("D", rng) for rng in streams]
     cases = {SIMULATION: [(ride.log, ride.speed_m_s) for ride in simulated]}
     cases |= {name: [(log := read(name), log.gnss.speed_m_s)] for name in STANDING}
-    verdicts, curves, each, biases = [], [], [], []
+    found: dict[str, list[pd.DataFrame]] = {k: [] for k in ("verdicts", "roc", "each", "bias")}
     for name, rides_of in cases.items():
-        floor, rows, scores = STANDING.get(name, 0.01), {}, []
+        floor, epochs = STANDING.get(name, 0.01), []
         for log, speed in rides_of:
             stopped = (speed < floor) & (np.r_[np.inf, speed[:-1]] < floor)
             moving = (speed > 1.0) & (np.r_[0.0, speed[:-1]] > 1.0)
-            statistics, static = drives.rest_statistics(log)
-            scores.append(statistics.assign(stopped=stopped, moving=moving))
-            for test, rests in static.items():
-                counts = stopped, moving, rests & stopped, rests & moving
-                rows[test] = rows.get(test, 0) + np.array([among.sum() for among in counts])
-        columns = ["stopped", "moving", "stopped_static", "moving_static"]
-        table = pd.DataFrame.from_dict(rows, "index", columns=columns).rename_axis("test")
-        verdicts.append(table.reset_index().assign(ride=name))
-        every = pd.concat(scores)
-        truth = every["stopped"].to_numpy(), every["moving"].to_numpy()
-        for rule in every.columns.drop(["speed_m_s", "stopped", "moving"]):
-            curve = drives.receiver_operating(every[rule].to_numpy(), *truth)
-            curves.append(curve.assign(ride=name, rule=rule))
+            epochs.append([*drives.rest_statistics(log), stopped, moving])
+        statistics, static, *truth = zip(*epochs, strict=True)
+        every, rests = pd.concat(statistics), pd.concat(static)
+        stopped, moving = map(np.concatenate, truth)
+        counts = pd.DataFrame({"stopped": stopped.sum(), "stopped_static": rests[stopped].sum()})
+        counts["moving_static"] = rests[moving].sum()
+        found["verdicts"].append(counts.rename_axis("test").reset_index().assign(ride=name))
+        for rule in every:
+            curve = drives.receiver_operating(every[rule].to_numpy(), stopped, moving)
+            found["roc"].append(curve.assign(ride=name, rule=rule))
         if name in STANDING:
             spells = runs_of(stopped)
             spells = spells[np.diff(spells)[:, 0] > 5]  # of over five epochs
-            middle = [every.iloc[a:b].median().drop(["stopped", "moving"]) for a, b in spells]
-            each.append(pd.DataFrame(middle).assign(epochs=np.diff(spells)[:, 0], ride=name))
-            biases.append(_bias_change(log, spells).assign(ride=name))
-    found = {"verdicts": verdicts, "roc": curves, "each": each, "bias": biases}
+            middle = [every.iloc[a:b].median() for a, b in spells]
+            found["each"].append(pd.DataFrame(middle).assign(ride=name))
+            found["bias"].append(_bias_change(log, spells).assign(ride=name))
     tables = {k: store.rounded(pd.concat(v, ignore_index=True), 4) for k, v in found.items()}
     return _several("Rest of three cars, by the tests of block 3", STANDING), tables
 

@@ -23,7 +23,7 @@ RECEIVERS = {
     "etrex": "Garmin-Etrex-30x", "lezyne": "Lezyne", "phone": "MotoG3", "adafruit": "adafruit",
     "openlog": "openlog",
 }  # fmt: skip
-CAR_S, POSE_S = 0.2, 0.1  # s between rows
+CAR_S, POSE_EVERY = 0.2, 2  # s between rows; frames, of 20 a second
 AEROBATIC = "aerobatic-uav/TestLog2.mat"
 
 ONLY_ATTITUDE = Options(static=False, low_pass=False, mounting=False, fusion=False)
@@ -48,9 +48,8 @@ def parkway():
     for name, of_file in ANTENNAS.items():
         fixes = getattr(raw, f"GPS_SparkFun_{of_file}_GGA")
         reported = getattr(raw, f"GPS_SparkFun_{of_file}_GST", None)
-        sigma = np.full(len(fixes.GPS_Time), np.nan)
-        if reported is not None:
-            sigma = np.max([reported.StdLat, reported.StdLon, reported.StdAlt], axis=0)
+        each = reported and [reported.StdLat, reported.StdLon, reported.StdAlt]
+        sigma = np.max(each, axis=0) if each else np.nan
         table = {"t_s": np.round(fixes.GPS_Time - start, 1)}
         table |= _enu(fixes.Latitude, fixes.Longitude, fixes.Altitude, origin, 2)
         tables[name] = pd.DataFrame(table | {"mode": fixes.DGPS_mode, "sigma_m": sigma})
@@ -87,8 +86,8 @@ def turin():
     -------
     dict
     dict of pandas.DataFrame
-        ``reference`` and ``gnss``: t_s of the same clock, position, velocity; the reference's
-        angles.
+        ``reference`` and ``gnss``: t_s of the same clock, position; velocity and yaw of the
+        reference.
     """
     files = "turin-ins/ref.mat", "turin-ins/ekinox_gnss.mat"
     reference, gnss = _mat(files[0])["ref"], _mat(files[1])["ekinox_gnss"]
@@ -96,15 +95,14 @@ def turin():
     tables = {}
     for name, unit, every in (("reference", reference, 1), ("gnss", gnss, 5)):
         rows = slice(None, None, every)
-        table = {"t_s": np.round(unit.t[rows] - reference.t[0], 3)}
         lat, lon = np.degrees(unit.lat[rows]), np.degrees(unit.lon[rows])
-        table |= _enu(lat, lon, unit.h[rows], origin, 2)
-        velocity = unit.vel[rows]
-        table |= {"v_north_m_s": velocity[:, 0].round(3), "v_east_m_s": velocity[:, 1].round(3)}
-        if name == "reference":
-            for angle in ("roll", "pitch", "yaw"):
-                table[f"{angle}_deg"] = wrap(np.degrees(getattr(unit, angle))).round(2)
-        tables[name] = pd.DataFrame(table)
+        table = {"t_s": np.round(unit.t[rows] - reference.t[0], 3)}
+        tables[name] = pd.DataFrame(table | _enu(lat, lon, unit.h[rows], origin, 2))
+    north, east, _ = reference.vel.T.round(3)
+    yaw = wrap(np.degrees(reference.yaw)).round(2)
+    tables["reference"] = tables["reference"].assign(
+        v_north_m_s=north, v_east_m_s=east, yaw_deg=yaw
+    )
     return _source("GNSS and a reference with attitude, Turin, 1259 s", *files), tables
 
 
@@ -127,8 +125,7 @@ def comma():
     ublox = {"t_s": gnss.t_s.round(3)} | _enu(gnss.lat_deg, gnss.lon_deg, gnss.height_m, origin, 2)
     fused = _enu(out["out_lat_deg"], out["out_lon_deg"], gnss.height_m, origin, 2)
     ublox |= {f"out_{k}": fused[k] for k in ("east_m", "north_m")}
-    every = round(POSE_S / 0.05)
-    tables = {"pose": pd.DataFrame(pose).iloc[::every], "ublox": pd.DataFrame(ublox)}
+    tables = {"pose": pd.DataFrame(pose).iloc[::POSE_EVERY], "ublox": pd.DataFrame(ublox)}
     return _source("u-blox receiver and pose on a highway, one minute", *files), tables
 
 
@@ -139,35 +136,33 @@ def car_attitude():
     -------
     dict
     dict of pandas.DataFrame
-        ``angles``: reported and own (``own_``, at its rate of once a second) angles, the rate
-        about the vertical, and the sum of it; ``gnss``: speed and course.
+        ``angles``: reported ones, and the sum of the rate about the vertical; ``gnss``: speed and
+        own angles (``own_``), once a second.
     """
     log, name = rides.read("car"), rides.RIDES["car"].file
-    raw = pd.read_csv(datasets.path(name), low_memory=False)
-    t = log.imu.t_s
+    raw, t = pd.read_csv(datasets.path(name), low_memory=False), log.imu.t_s
     angles = {"t_s": np.arange(np.ceil(t[0]), t[-1], CAR_S).round(3)}
     for angle in ("roll", "pitch", "yaw"):
         angles[f"{angle}_deg"] = _angle(angles["t_s"], t, raw[angle]).round(2)
     angles["gyro_z_deg"] = np.interp(angles["t_s"], t, _turned(log.imu)).round(2)
-    tables = {"angles": pd.DataFrame(angles), "gnss": pd.DataFrame(_own_attitude(log))}
-    return _source("attitude that a phone reports in a car, 216 s", name, notes=log.notes), tables
+    own = _own_attitude(log, "roll", "pitch", "yaw")
+    source = _source("attitude that a phone reports in a car, 216 s", name)
+    return source | {"notes": list(log.notes)}, {"angles": pd.DataFrame(angles), "gnss": own}
 
 
 def car_roof():
-    """Keep the attitude that this project's filter finds on a car's roof, and the sum of its gyro.
+    """Keep the yaw that this project's filter finds on a car's roof, and the sum of its gyro.
 
     Returns
     -------
     dict
     dict of pandas.DataFrame
-        ``ride``, once a second: speed and course by RTK, own angles, the sum of the rate about
-        the vertical.
+        ``ride``, once a second: speed by RTK, own yaw, the sum of the rate about the vertical.
     """
     log = rides.read("car-roof")
-    ride = _own_attitude(log)
-    ride["gyro_z_deg"] = np.interp(log.gnss.t_s, log.imu.t_s, _turned(log.imu)).round(2)
+    turned = np.interp(log.gnss.t_s, log.imu.t_s, _turned(log.imu)).round(2)
     source = _source("car with an IMU on its roof and RTK, 549 s", *rides.ROOF)
-    return source, {"ride": pd.DataFrame(ride)}
+    return source, {"ride": _own_attitude(log, "yaw").assign(gyro_z_deg=turned)}
 
 
 def light_aircraft():
@@ -272,12 +267,11 @@ def aerobatic_log():
     return Timeline(gnss, Imu(t, gyro, accel)), parts
 
 
-def _own_attitude(log):
-    """Speed and course of a log, and the attitude of this project's filter (``own_``)."""
-    out, gnss = replay(log, ONLY_ATTITUDE).columns, log.gnss
-    table = {"t_s": gnss.t_s, "speed_m_s": gnss.speed_m_s, "course_deg": gnss.course_deg}
-    table |= {f"own_{k}": out[k] for k in ("roll_deg", "pitch_deg", "yaw_deg")}
-    return {name: values.round(2) for name, values in table.items()}
+def _own_attitude(log, *angles):
+    """Speed of a log, and angles by this project's filter (``own_``)."""
+    out = replay(log, ONLY_ATTITUDE).columns
+    table = {"t_s": log.gnss.t_s, "speed_m_s": log.gnss.speed_m_s}
+    return pd.DataFrame(table | {f"own_{k}_deg": out[f"{k}_deg"] for k in angles}).round(2)
 
 
 def _angle(at, t, angle):
@@ -306,5 +300,5 @@ def _gpx(file):
     return pd.read_xml(datasets.path(file), xpath=".//{*}trkpt", parser="etree")
 
 
-def _source(title, *files, notes=()):
-    return {"title": title} | datasets.origin(*files) | {"notes": list(notes)}
+def _source(title, *files):
+    return {"title": title} | datasets.origin(*files)

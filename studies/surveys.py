@@ -283,20 +283,17 @@ def _sweep_block(block):
 
 def _covered(signed, square, laps, rng):
     """Count how often the interval of the variance from so many laps holds that of all laps."""
-    true = square.mean() - signed.mean() ** 2
-    held, values = {False: 0, True: 0}, []
+    true, found = square.mean() - signed.mean() ** 2, []
     for _ in range(COVERAGE_DRAWS):
         one = rng.integers(len(square), size=laps)
         weights = counts(laps, COVERAGE_RESAMPLES, rng) / laps
-        found = weights @ square[one] - (weights @ signed[one]) ** 2
-        values.append(found[0])
-        for skewed in held:
-            e = interval(found, skewed=skewed)
-            held[skewed] += e.low <= true <= e.high
-    low, high = np.quantile(values, [0.025, 0.975])
+        found.append(weights @ square[one] - (weights @ signed[one]) ** 2)
+    low, high = np.quantile([of[0] for of in found], [0.025, 0.975])
     row = {"laps": laps, "variance": true, "low": low, "high": high, "draws": COVERAGE_DRAWS}
-    shares = {True: "covered", False: "covered_by_percentiles"}
-    return row | {name: held[skewed] / COVERAGE_DRAWS for skewed, name in shares.items()}
+    for name, skewed in {"covered": True, "covered_by_percentiles": False}.items():
+        ends = [interval(of, skewed=skewed) for of in found]
+        row[name] = np.mean([e.low <= true <= e.high for e in ends])
+    return row
 
 
 def inverse_design():
