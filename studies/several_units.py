@@ -69,13 +69,12 @@ def five_receivers():
     files = {"route": "five-receivers/gpx/routes/whitchurch-routeA.gpx"} | files
     points = {name: _gpx(file) for name, file in files.items()}
     origin = points["route"].iloc[0][["lat", "lon", "ele"]]
-    midnight = pd.Timestamp("2019-11-29T11:53:00Z")
-    tables = {}
-    for name, p in points.items():
-        table = _enu(p["lat"], p["lon"], p["ele"], origin, 1)
-        if name != "route":
-            table = {"t_s": (pd.to_datetime(p["time"]) - midnight).dt.total_seconds()} | table
-        tables[name] = pd.DataFrame(table)
+    start = pd.Timestamp("2019-11-29T11:53:00Z")
+    places = {k: _enu(p["lat"], p["lon"], p["ele"], origin, 1) for k, p in points.items()}
+    tables = {name: pd.DataFrame(place) for name, place in places.items()}
+    for name in RECEIVERS:
+        since = pd.to_datetime(points[name]["time"]) - start
+        tables[name].insert(0, "t_s", since.dt.total_seconds())
     return _source("five GPS receivers on one ride of 32 km", *files.values()), tables
 
 
@@ -175,14 +174,12 @@ def light_aircraft():
         ``efis-2``, ``efis-3``: first unit, t_s on its own clock; ``echo-2``, ``echo-3``: the
         transponder, t_s of the UTC day.
     """
-    tables, files, origin = {}, [], None
+    parts, tables = ("echo", "mgl_att", "mgl_gps", "mgl_air"), {}
+    files = {(n, p): f"light-aircraft/chase_rv6_{n}_{p}.csv.gz" for n in (2, 3) for p in parts}
+    raw = {key: pd.read_csv(datasets.path(file)) for key, file in files.items()}
+    origin = *raw[2, "mgl_gps"][["lat", "lon"]].iloc[0], 0.0
     for flight in (2, 3):
-        parts = {}
-        for part in ("echo", "mgl_att", "mgl_gps", "mgl_air"):
-            files.append(f"light-aircraft/chase_rv6_{flight}_{part}.csv.gz")
-            parts[part] = pd.read_csv(datasets.path(files[-1]))
-        att, gps, air, echo = (parts[k] for k in ("mgl_att", "mgl_gps", "mgl_air", "echo"))
-        origin = origin or (gps["lat"][0], gps["lon"][0], 0.0)
+        echo, att, gps, air = (raw[flight, part] for part in parts)
         here = gps[(gps[["lat", "lon"]].diff() != 0).any(axis=1)]  # it repeats each position
         t = here["t"].to_numpy()
         table = {"t_s": t} | _enu(here["lat"], here["lon"], 0.0 * here["lat"], origin, 1)
@@ -197,7 +194,8 @@ def light_aircraft():
         tables[f"echo-{flight}"] = pd.DataFrame(table | {"nic": echo["nic"]})
     # The plane through the origin leaves the ground far away.
     tables = {name: table.drop(columns="up_m") for name, table in tables.items()}
-    return _source("light aircraft with two units, two flights of 620 and 742 s", *files), tables
+    title = "light aircraft with two units, two flights of 620 and 742 s"
+    return _source(title, *files.values()), tables
 
 
 def aerobatic():
