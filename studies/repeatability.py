@@ -22,7 +22,7 @@ from analysis import CannotAnswer, Estimate, resampling, static_logs, store
 from analysis.noise import infer
 from analysis.noise.allan import allan_deviation, steady
 from analysis.noise.inference import INSTEAD
-from sensorlogs import catalogue, datasets, formats
+from sensorlogs import datasets
 from studies.cells import DIGITS, Cell, tabulate
 
 FOLDER = store.FOLDER / "repeatability"
@@ -50,14 +50,11 @@ def read(name):
     """
     if name not in ADIS:
         return logs.read(name)
-    first, path = logs.read("adis16405"), datasets.path(ADIS[name])
-    frame = formats.read_table(path, {"format": "rda"}).frame
-    known = catalogue.load_catalogue()["adis16405"]["channels"]
-    channels = tuple(
-        replace(channel, values=frame[about["column"]].to_numpy(dtype=float))
-        for channel, about in zip(first.channels, known, strict=True)
-    )
-    return replace(first, file=path.name, sha256=datasets.sha256(path), channels=channels)
+    first = logs.read("adis16405")
+    same = logs.read(datasets.path(ADIS[name]), rate=first.rate_hz, unit="gyro=deg/s,accel=g")
+    pairs = zip(first.channels, same.channels, strict=True)
+    channels = tuple(replace(channel, values=its.values) for channel, its in pairs)
+    return replace(first, file=same.file, sha256=same.sha256, channels=channels)
 
 
 def parts(name, log=None, *, pieces=PIECES):
