@@ -64,6 +64,11 @@ SPELLINGS = {
     "blank lines at the end": lambda s: s + "\n" * 3000,
     "comments": lambda s: "# a logger\n# of ours\n" + s + "# the end\n",
     "names in a comment": lambda s: "#" + s,
+    "comments among the rows": lambda s: s.replace("\n0.5", "\n# a, b\n %c\n// d\n0.5").replace(
+        "\n1.0", "  # touched, sorry\n1.0", 1),
+    "a mark in a cell": lambda s: re.sub("(?m)^([^,]*),", r"\1,#1,", s),
+    "no unit for one": lambda s: s.replace("\n", ",7\n").replace(
+        f"{HEADER},7", "t,gyro_x,gyro_y,n\ns,deg/s,deg/s,-"),
     # One text by itself is no header, and the header below it no row of units.
     **{f"{title} above": lambda s, title=title: f"{title}\n" + s.replace(",", ";")
        for title in ("sep=;", "Sensor log v1.2", "Sensor log\n\nunit A")},
@@ -146,6 +151,9 @@ MISSING = {  # cells that are written -> the rows that lack the first and the se
     **{mark: (dict.fromkeys(MARKED, mark), [10, 50, 51], [],
               rf"values are missing or a mark for it \({mark.removesuffix('.0')}, ")
        for mark in ("-9999", "999.0", "-32768")},
+    "of a spreadsheet and of C": (
+        {(10, 1): "#N/A", (20, 1): "1.#QNAN", (30, 2): "-1.#IND"}, [10, 20], [30],
+        "^my.csv: values are missing: 2 of 200 in gyro_x_deg_s, first in line 12; 1 of 200 in "),
     "a knock": ({(50, 1): "-900", (51, 1): "-800"}, [], [], ""),
     "a coarse step": (
         {(k, 1): "500" if k % 9 == 0 else "0" for k in range(200)}, [], [], ""),
@@ -369,6 +377,9 @@ def test_text_columns_and_delimiters_are_found_beforehand(tmp_path):
     assert (found.delimiter, found.decimal, found.text) == (";", ",", {"time", "state"})
     log = logs.read(path)
     assert log.rate_hz == pytest.approx(1.0) and (log.channels[0].values == 1.5).all()
+    for digits, text in (("20240131{}5958", {"time"}), ("202401311{}95000", set())):  # no counter
+        rows = [f"{digits.format(hour)},0.{hour}" for hour in range(10, 24)]
+        assert delimited.sniff(write(tmp_path, rows, "time,gyro_x_deg_s")).text == text
     names = ("t_s", "gx", "gy", "gz", "ax", "ay", "az")
     lines = ["Device,A", "Rate,100", "", ",".join(names), *(["0,1,2,3,4,5,6"] * 9)]
     assert delimited.sniff(write(tmp_path, lines, header="Log of,May")).names == names

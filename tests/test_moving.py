@@ -470,6 +470,16 @@ def test_a_course_against_the_positions_is_left_out(tmp_path, turn, left):
     assert says(log, "off the course") != (left or np.isnan(turn(1.0)))
 
 
+@pytest.mark.parametrize(("alt", "high", "speed", "fast"), [
+    ("alt_cm", 4e4, "speed_cm_s", 1e3), ("Alt (mm)", 4e5, "Speed (mm/s)", 1e4),
+    ("alt_km", 0.4, "speed_m_s", 10), ("alt", 400, "speed [km/h]", 36)])  # fmt: skip
+def test_heights_and_speeds_in_multiples_of_a_metre(tmp_path, alt, high, speed, fast):
+    """Analytic: 400 m and 10 m/s in each unit."""
+    names = f"t_s,lat,lon,{alt},{speed}"
+    rows = [f"{i},{45 + i * 9e-5},7,{high},{fast}" for i in range(9)]
+    holds(read_moving([csv_of(tmp_path, names, rows)]).gnss, height_m=400, speed_m_s=10)
+
+
 def test_a_speed_in_knots_has_no_other_unit(tmp_path):
     """published: NMEA's unit is fixed; first fixes that converge at rest leave the speed in."""
     lines = flat(epoch(15 * k, start=36000.0 - 14 * k, speed=0.1) for k in range(60))

@@ -27,7 +27,6 @@ LIMIT = 4 << 30  # bytes that a packed log may have when unpacked
 FILES = 500  # in a folder or zip
 _SIDE = {".pdf", ".png", ".jpg", ".jpeg", ".html", ".md", ".toml", ".yaml", ".yml", ".xml", ".mp4"}
 _SENSORS = NAMES["sensor_logger"]
-_UNPACKED: dict[tuple, Path] = {}
 _CLOCK = "seconds_elapsed"
 _SIDE_BY_SIDE = re.compile("meta|uncalibrated|wrist|watch|headphone|linear ?accel")
 
@@ -41,21 +40,23 @@ def _folder() -> tempfile.TemporaryDirectory:
 def once(unpack: Callable[[Path], Path], path: Path) -> Path:
     """Unpack a file that was not yet, or has changed since then."""
     stat = path.stat()
-    key = unpack, path, stat.st_size, stat.st_mtime_ns
-    if key not in _UNPACKED:
-        _UNPACKED[key] = unpack(path)
-    return _UNPACKED[key]
+    return _unpacked(unpack, path, stat.st_size, stat.st_mtime_ns)
+
+
+@functools.cache
+def _unpacked(unpack, path: Path, size: int, mtime_ns: int) -> Path:
+    """Unpack a file once per (path, size, time of change) in this process."""
+    return unpack(path)
 
 
 def gunzip(path: Path) -> Path:
     """Unpack a gzip file into the temporary folder, under its own name."""
     target = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name
-    bar = {"unit": "B", "unit_scale": True, **delimited.progress(path, "unpacking")}
     with (
         reading(path, "a packed file"),
         gzip.open(path, "rb") as packed,
         target.open("wb") as handle,
-        tqdm(**bar) as shown,
+        tqdm(unit="B", unit_scale=True, **delimited.progress(path, "unpacking")) as shown,
     ):
         while block := packed.read(1 << 20):
             if handle.tell() + len(block) > LIMIT:

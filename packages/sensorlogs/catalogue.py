@@ -30,13 +30,10 @@ def load_catalogue() -> dict[str, dict]:
     WrongUsage
         If a stanza cannot be understood, or a name stands in both.
     """
-    stanzas = _read(CATALOGUE, own=False) if CATALOGUE.is_file() else {}
-    if OWN.is_file():
-        mine = _read(OWN, own=True)
-        if both := sorted(stanzas.keys() & mine.keys()):
-            raise WrongUsage(f"data/own/logs.toml: the name '{both[0]}' is taken; choose another")
-        stanzas |= mine
-    return stanzas
+    stanzas, mine = _read(CATALOGUE, own=False), _read(OWN, own=True)
+    if both := sorted(stanzas.keys() & mine.keys()):
+        raise WrongUsage(f"data/own/logs.toml: the name '{both[0]}' is taken; choose another")
+    return stanzas | mine
 
 
 def find(log: str | Path) -> tuple[str, dict, Path]:
@@ -111,10 +108,10 @@ def _check(entry: dict, keys: dict, where: str) -> None:
 
 
 def _read(path: Path, own: bool) -> dict[str, dict]:
-    """Read and check one catalogue file."""
+    """Read and check one catalogue file, if it is there."""
     where = path.relative_to(DATA.parent).as_posix() if DATA in path.parents else path.name
     try:
-        stanzas = tomllib.loads(path.read_text(encoding="utf-8"))
+        stanzas = tomllib.loads(path.read_text(encoding="utf-8") if path.is_file() else "")
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise WrongUsage(f"{where}: not valid TOML: {error}") from error
     for name, stanza in stanzas.items():

@@ -5,6 +5,7 @@ log: times, counters, norms and status words are no readings. No unit is guessed
 flags that say it, and gravity tells which of them are likely.
 """
 
+import contextlib
 import difflib
 import functools
 import itertools
@@ -92,8 +93,7 @@ def in_known_units(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     for name in frame.select_dtypes("number"):
         for base, text in [] if split(name)[1] else _ends(name):
             plain = _plain(text)
-            usual = unit_of(plain[1:]), _PREFIXES.get(plain[:1])
-            unit, factor = _OTHERS.get(plain, usual)
+            unit, factor = _OTHERS.get(plain, (unit_of(plain[1:]), _PREFIXES.get(plain[:1])))
             if factor and KIND_OF_UNIT.get(unit or "") in ("rate", "accel"):
                 frame = frame.assign(**{name: factor * frame[name]})
                 frame = frame.rename(columns={name: f"{base} ({unit})"})
@@ -161,14 +161,11 @@ def per_kind(text: str | None, flag: str) -> dict[str | None, str]:
 
 def fraction(text: str) -> float:
     """Read a scale, such as ``1/131`` or ``0.00763``."""
-    try:
-        above, _, below = text.partition("/")
-        value = float(above) / float(below or 1)
-    except (ValueError, ZeroDivisionError):
-        value = 0.0
-    if not value or not np.isfinite(value):
-        raise WrongUsage(f"--scale {text}: write a number or a fraction, such as 1/131")
-    return value
+    above, _, below = text.partition("/")
+    with contextlib.suppress(ValueError, ZeroDivisionError):
+        if np.isfinite(value := float(above) / float(below or 1)) and value:
+            return value
+    raise WrongUsage(f"--scale {text}: write a number or a fraction, such as 1/131")
 
 
 def words(name: str) -> list[str]:

@@ -29,11 +29,13 @@ HEAD_BYTES, LONGEST_HEAD, FEWEST_LINES = 1 << 16, 1 << 22, 5
 LARGEST = 3 << 30  # bytes of numbers read at once
 HEAD_LINES = 50
 MISSING = {"", *NAMES["cells"]["missing"].split()}
-CLOCK = re.compile(
-    r"^\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ]+\d{1,2}:\d{2}.*)?$|^\d{1,2}:\d{2}(:\d{2}([.,]\d*)?)?$"
-)
+COMPACT = NAMES["cells"]["compact"]
+CLOCK = re.compile(NAMES["cells"]["clock"] + "|" + COMPACT)
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _NEWLINE = re.compile(r"\r\n|\n|\r")
+_MARK = re.compile(rb"[#%]|//")
+_COMMENT = re.compile(r"\s*([#%](?!(N/A|[A-Z/0]+[!?])\s*[,;\t|])|//)")  # a line, not of #DIV/0!
+_REMARK = re.compile(r"(?<![^\s,;|])[#%].*")  # behind a row; within one, it is of a cell
 _LINE_ENDS = (b"\n", b"\r", b"\x00")
 CUT_OFF = "the last line is cut off and was dropped"
 TAIL_BYTES = 1 << 13
@@ -47,7 +49,6 @@ class Layout:
 
     delimiter: str  # "," ";" "\t" "|", or " " for any run of blanks
     decimal: str
-    comment: str
     encoding: str
     header_lines: int  # physical lines before the first data row
     names: tuple[str, ...]
@@ -57,10 +58,8 @@ class Layout:
 def sniff(path: Path) -> Layout:
     """Find delimiter, decimal mark, encoding, header and text columns from the first lines."""
     lines, encoding = _head(path)
-    comments = [i for i, line in enumerate(lines) if line.lstrip()[:1] in ("#", "%")]
-    comment = lines[comments[0]].lstrip()[0] if comments else "#"
-    titles = [i for i, line in enumerate(lines) if line.startswith("//")]  # Xsens
-    rows = [i for i, line in enumerate(lines) if line.strip() and i not in (*comments, *titles)]
+    comments = [i for i, line in enumerate(lines) if _COMMENT.match(line)]
+    rows = [i for i, line in enumerate(lines) if line.strip() and i not in comments]
     if not rows:
         raise CannotAnswer(f"{path.name}: no data: line 1 to the end are empty or comments")
     delimiter = _delimiter([lines[i] for i in rows[-HEAD_LINES:]])
@@ -72,7 +71,7 @@ def sniff(path: Path) -> Layout:
     if _is_header(fields[first], decimal):
         head_row, header_lines = fields[first], first + 1
         rows = rows[1:]
-        cells = [f for f in fields[rows[0]] if f.strip()] if rows else []
+        cells = [f for f in fields[rows[0]] if f.strip() not in ("", "-")] if rows else []
         if 2 * len(cells) > len(head_row) and all(_is_word(f, decimal) for f in cells):  # units
             units = [u.strip().strip("[]()") for u in fields[rows[0]]]
             head_row = [f"{n} ({u})" if u else n for n, u in zip(head_row, units, strict=False)]
@@ -83,35 +82,31 @@ def sniff(path: Path) -> Layout:
         header_lines = first
         above = [i for i in comments if i < first]
         if above:  # numpy.savetxt and EuRoC put the names into a comment
-            named = _split(lines[above[-1]].lstrip()[1:].strip(), delimiter)
+            named = _split(_COMMENT.sub("", lines[above[-1]]).strip(), delimiter)
             if len(named) == len(fields[first]) and _is_header(named, decimal):
                 head_row = named
     width = min(multimode(len(fields[i]) for i in rows))
-    if head_row is not None and len(head_row) < width:
-        extra = [i for i in rows if any(field.strip() for field in fields[i][len(head_row) :])]
-        if extra:
-            raise CannotAnswer(
-                f"{path.name}, line {extra[0] + 1}: {width} fields, but the header ends at column "
-                f"'{head_row[-1].strip()}' ({len(head_row)}); name each column there"
-            )
+    extra = [i for i in rows if head_row and any(f.strip() for f in fields[i][len(head_row) :])]
+    if head_row and extra and len(head_row) < width:
+        raise CannotAnswer(
+            f"{path.name}, line {extra[0] + 1}: {width} fields, but the header ends at column "
+            f"'{head_row[-1].strip()}' ({len(head_row)}); name each column there"
+        )
     named = head_row or LABELLED.get(fields[rows[0]][0].strip(), "").split()
     names = _names([*named, *[""] * (width - len(named))])
     data = [fields[i] for i in rows]
     text = frozenset(name for j, name in enumerate(names) if _is_text(data, j, decimal))
-    return Layout(delimiter, decimal, comment, encoding, header_lines, names, text)
+    return Layout(delimiter, decimal, encoding, header_lines, names, text)
 
 
-def data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
-    """Iterate over the data rows: (line number as an editor counts, text)."""
+def data_lines(path: Path, layout: Layout, comments: bool = False) -> Iterator[tuple[int, str]]:
+    """Iterate over the data rows, or the comments among them: (line as an editor counts, text)."""
     with (
         open_bytes(path) as raw,
         io.TextIOWrapper(raw, encoding=layout.encoding, errors="replace") as handle,
     ):
-        for number, line in enumerate(handle, 1):
-            if number <= layout.header_lines:
-                continue
-            line = line.split(layout.comment, 1)[0]
-            if line.strip():
+        for number, line in itertools.islice(enumerate(handle, 1), layout.header_lines, None):
+            if line.strip() and bool(_COMMENT.match(line)) == comments:
                 yield number, line
 
 
@@ -135,10 +130,8 @@ def _head(path: Path) -> tuple[list[str], str]:
     """Return the first lines as text, and the encoding."""
     with open_bytes(path) as handle:
         head = handle.read(HEAD_BYTES)
-        while head.count(b"\n") < FEWEST_LINES and 0 < len(head) < LONGEST_HEAD:  # of many columns
-            if not (part := handle.read(HEAD_BYTES)):
-                break
-            head += part
+        if head.count(b"\n") < FEWEST_LINES:  # of many columns
+            head += handle.read(LONGEST_HEAD)
         more = bool(handle.read(1))
     if not head.strip():
         raise CannotAnswer(f"{path.name}: the file is empty: there is no line 1")
@@ -171,13 +164,12 @@ def _split(line: str, delimiter: str) -> list[str]:
 
 def _delimiter(lines: list[str]) -> str:
     """Choose the delimiter that splits most lines into the same number of fields, more than one."""
-    agreeing: dict[str, int] = {}
-    for candidate in (";", "\t", ",", "|", " "):
-        widths = [len(_split(line, candidate)) for line in lines]
-        usual = min(multimode(widths))
-        if usual > 1:
-            agreeing[candidate] = widths.count(usual)
-    return max(agreeing, key=lambda delimiter: agreeing[delimiter], default=",")  # first of equals
+    widths = {
+        each: [len(_split(line, each)) for line in lines] for each in (";", "\t", ",", "|", " ")
+    }
+    usual = {each: min(multimode(of)) for each, of in widths.items()}
+    several = (each for each in usual if usual[each] > 1)
+    return max(several, key=lambda each: widths[each].count(usual[each]), default=",")  # the first
 
 
 def _decimal(rows) -> str:
@@ -188,10 +180,12 @@ def _decimal(rows) -> str:
     return "," if commas > points else "."
 
 
-def _number(field: str, decimal: str) -> float:
-    """Read one field as a number; NaN if it means missing; ValueError otherwise."""
-    field = field.strip()
-    return np.nan if field.lower() in MISSING else float(field.replace(decimal, "."))
+def _number(cell: str, decimal: str) -> float:
+    """Read one field as a number; NaN if it means missing; ValueError otherwise, also of 1_000."""
+    cell = cell.strip()
+    return (
+        np.nan if cell.lower() in MISSING else float(cell.replace("_", "?").replace(decimal, "."))
+    )
 
 
 def _is_word(field: str, decimal: str) -> bool:
@@ -308,31 +302,32 @@ def read_table(path: Path) -> Table:
     """
     layout, (head, _), size = sniff(path), _head(path), path.stat().st_size
     check_size(path, size * len(head) // (len("\n".join(head)) + 1), len(layout.names), "about ")
-    bar = {"total": size, **progress(path)}  # a packed file has more to read
+    skipped = [*range(layout.header_lines)]
+    with open_bytes(path) as raw:  # most files have no mark at all, which takes less time to see
+        if any(_MARK.search(block) for block in iter(lambda: raw.read(HEAD_BYTES), b"")):
+            skipped += [number - 1 for number, _ in data_lines(path, layout, comments=True)]
     is_cut = _is_cut_off(path, layout)
     try:
         with (
             open_bytes(path) as raw,
-            tqdm.wrapattr(raw, "read", **bar) as handle,
+            tqdm.wrapattr(raw, "read", total=size, **progress(path)) as handle,
             warnings.catch_warnings(action="error", category=pd.errors.ParserWarning),
         ):  # the warning means that fields are dropped: find out which
             frame = pd.read_csv(
                 handle,
                 sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
                 decimal=layout.decimal,
-                comment=layout.comment,
                 encoding=layout.encoding,
                 names=list(layout.names),
                 index_col=False,
                 na_values=["-"],
-                skiprows=layout.header_lines,
+                skiprows=skipped,
                 skipinitialspace=True,
                 dtype={name: str if name in layout.text else float for name in layout.names},
             )
+        frame = frame.iloc[: len(frame) - is_cut]
     except (ValueError, OverflowError, pd.errors.ParserWarning):  # parser, decoder: ValueErrors
         frame = _line_by_line(path, layout, is_cut)
-    else:
-        frame = frame.iloc[: len(frame) - is_cut]
     table = Table(frame, path, layout=layout)
     if is_cut:
         table = replace(table, repairs=(f"{table.where(len(frame))}: {CUT_OFF}",))
@@ -354,8 +349,9 @@ def _line_by_line(path: Path, layout: Layout, is_cut: bool) -> pd.DataFrame:
     lines = list(data_lines(path, layout))
     rows = []
     for number, text in lines[: len(lines) - is_cut]:
+        bare, fields = (_split(t, layout.delimiter) for t in (_REMARK.sub("", text), text))
         try:
-            rows.append(_row(_split(text, layout.delimiter), layout))
+            rows.append(_row(bare if len(bare) >= len(layout.names) else fields, layout))
         except ValueError as error:
             raise CannotAnswer(
                 f"{path.name}, line {number}, {error}; correct or empty it, or cut the file before "
@@ -372,12 +368,9 @@ def _row(fields: list[str], layout: Layout) -> list:
         last = f"column '{layout.names[-1]}' should be the last ({len(layout.names)})"
         raise ValueError(f"{last}, but the line has {len(fields)} fields")
     values: list = []
-    for j, name in enumerate(layout.names):
-        field = fields[j].strip() if j < len(fields) else ""
+    for name, field in itertools.zip_longest(layout.names, map(str.strip, fields), fillvalue=""):
         try:
             values.append(field if name in layout.text else _number(field, layout.decimal))
-            if "_" in field and name not in layout.text:  # Python takes 1_000 for a number
-                raise ValueError
         except ValueError:
             raise ValueError(f"column '{name}': '{printable(field)}' is not a number") from None
     return values
@@ -389,8 +382,8 @@ def _is_cut_off(path: Path, layout: Layout) -> bool:
         handle.seek(max(0, handle.seek(0, 2) - TAIL_BYTES))
         tail = handle.read()
     text = tail.decode(layout.encoding, errors="replace") if layout.encoding != "utf-16" else ""
-    lines = [line.split(layout.comment)[0] for line in _NEWLINE.split(text)[1:]]
-    lines = [line for line in lines if line.strip()][-50:]
+    lines = _NEWLINE.split(text)[1:]
+    lines = [line for line in lines if line.strip() and not _COMMENT.match(line)][-50:]
     if len(lines) < 2:
         return False
     *before, last = [_split(line, layout.delimiter) for line in lines]
@@ -411,8 +404,7 @@ def _without_short_rows(table: Table, layout: Layout) -> Table:
     last = table.frame[layout.names[-1]].isna().to_numpy()
     if layout.names[-1] in layout.text or not 0 < last.sum() <= SHORT_ROWS * len(last):
         return table
-    lines = zip(last, data_lines(table.path, layout), strict=False)
-    places = [place for empty, place in lines if empty]
+    places = [*itertools.compress(data_lines(table.path, layout), last)]
     short = [len(_split(line, layout.delimiter)) < len(layout.names) for _, line in places]
     if not any(short):
         return table

@@ -137,11 +137,10 @@ def ulog(path: Path) -> list[Part]:
     """List the messages of a PX4 ULog, an instance each."""
     from pyulog import ULog
 
-    bar = {"total": path.stat().st_size, **progress(path)}
     with (
         reading(path, "a PX4 ULog", "pyulog"),
         path.open("rb") as raw,
-        tqdm.wrapattr(raw, "read", **bar) as handle,
+        tqdm.wrapattr(raw, "read", total=path.stat().st_size, **progress(path)) as handle,
         _silent(),
     ):
         log = ULog(handle, [*_ULOG, "vehicle_imu", "vehicle_attitude"])

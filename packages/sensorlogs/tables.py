@@ -156,13 +156,6 @@ def listed(parts: Sequence[Part]) -> str:
     return ", ".join(texts) + more
 
 
-def _seconds(table: Table, parts: Sequence[Part]) -> np.ndarray:
-    """Read the time column of one of several tables."""
-    if times.time_column(table.frame) is None:
-        raise ask(parts, table.path)
-    return times.of_table(table)[1].on_clock
-
-
 def side_by_side(tables: Sequence[Table], parts: Sequence[Part], moving: bool) -> Table:
     """Put the tables of two sensors side by side, row by row, in their order.
 
@@ -177,7 +170,10 @@ def side_by_side(tables: Sequence[Table], parts: Sequence[Part], moving: bool) -
         one by one.
     """
     one, other = tables
-    seconds = [_seconds(table, parts) for table in tables]
+    for table in tables:
+        if times.time_column(table.frame) is None:
+            raise ask(parts, table.path)
+    seconds = [times.of_table(table)[1].on_clock for table in tables]
     first = max(seconds[0][0], seconds[1][0])
     starts = [int(np.argmin(np.abs(t - first))) for t in seconds]
     rows = min(len(t) - k for t, k in zip(seconds, starts, strict=True))
