@@ -1,6 +1,7 @@
 """From stamps to a uniform grid: each case against a log whose true sampling is known."""
 
 import datetime
+import re
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,7 @@ def grid(t, repeated=None, mode="auto"):
 ROW = np.arange(12_000)
 STALLED = np.r_[ROW[:1000] / 100, 10.095 + np.arange(10) * 0.0004, ROW[1010:] / 100]
 LATE = ROW / 100 + np.random.default_rng(0).uniform(0, 0.0049, len(ROW))
+WIDE = (ROW + np.random.default_rng(0).uniform(-0.3, 0.3, len(ROW))) / 100
 
 
 TRUE = {  # stamps of 12,000 samples, their rate and how well it is known, what is said
@@ -26,6 +28,7 @@ TRUE = {  # stamps of 12,000 samples, their rate and how well it is known, what 
     "rounded": (np.round(ROW / 60, 3), 60, 1e-5, None),  # whole milliseconds: steps of 16, 17, 17
     "slow clock": (ROW / 100 * (1 + 5e-4 * ROW / ROW[-1]), 100, 1e-3, None),  # it drifts
     "jitter": (LATE, 100, 1e-4, "wander"),  # 5 ms at either end of 120 s
+    "much jitter": (WIDE, 100, 1e-4, "stamped late but none lost"),  # steps of 0.4 to 1.6
     "a stall": (STALLED, 100, 1e-4, "1 sample stamped late but none lost"),
     "whole seconds": (np.floor((ROW + 37) / 100), 100, 1e-12, "resolution 1 s"),
     # Samples between one and two ticks of the clock apart, and between two and three: the ends are
@@ -57,6 +60,26 @@ def test_gaps_become_missing_samples_at_the_right_place(lost):
     assert found.rate_hz == pytest.approx(25, rel=1e-9)  # rounding of t
     np.testing.assert_array_equal(placed, np.where(lost, np.nan, ROW))
     assert f" gaps: {lost.sum():,} of 12,000 samples missing" in found.repairs[0]
+
+
+@pytest.mark.parametrize(("lost", "jitter"), [(ROW % 500 == 77, 0.2), (ROW // 3 % 100 == 7, 0.3)])
+def test_jitter_hides_no_gap_of_samples(lost, jitter):
+    """Analytic: one sample, or three, taken out now and then are missing there, and only they."""
+    found = grid((ROW / 100 + jitter / 0.3 * (WIDE - ROW / 100))[~lost])
+    assert found.rate_hz == pytest.approx(100, rel=1e-4)  # 0.6 of a step at the ends, of 12,000
+    np.testing.assert_array_equal(found.index, ROW[~lost])
+
+
+def test_steps_of_two_ticks_in_turn_are_gaps_or_a_rounded_rate():
+    """Analytic: 990 Hz in whole ms, and 1 kHz less each hundredth sample, have the same stamps."""
+    thinned = np.flatnonzero(ROW % 100 < 99) / 1000
+    for stamps in (np.round(ROW / 990, 3), thinned):
+        found = grid(stamps)
+        assert found.rate_hz == pytest.approx(1000, rel=1e-9) and found.gaps in (119, 121)
+        rate = re.search(r"in turn: .*say --rate ([\d.]+)$", found.repairs[-1])[1]
+        assert float(rate) == pytest.approx(990, rel=1e-4)  # a tick of 12,000
+    by_chance = np.flatnonzero(np.random.default_rng(7).random(12_000) > 0.01) / 1000
+    assert len(grid(by_chance).repairs) == 1  # the gaps
 
 
 @pytest.mark.parametrize("pause", [0, 60])
@@ -141,6 +164,10 @@ FINE = np.arange(100) / 100
     ("utc", (235959.5 + FINE) % 235960, "read as clock time hhmmss"),
     ("gps_time", 1.4e9 + FINE, "or as GPS does from 1980"),
     ("time_d", 45413.4166 + FINE / 86400, None),  # of a spreadsheet
+    ("time_s", 1.7e12 + 1e3 * FINE, "read as milliseconds since 1970"),  # whatever its name says
+    ("time_ms", 1.7e15 + 1e6 * FINE, "read as microseconds since 1970"),
+    ("t_s", (86399.5 + FINE) % 86400, "overflowed at 86400,"), ("iTOW", 1e3 * FINE, None),
+    ("t_s", (4294.5 + FINE) % (2**32 / 1e6), "overflowed at 4295,"),  # of micros() / 1e6
 ])  # fmt: skip
 def test_units_of_time(name, column, said):
     """Analytic: a hundred samples at 100 Hz in every way to write time."""
@@ -148,6 +175,15 @@ def test_units_of_time(name, column, said):
     # 5e-7: a double holds Unix nanoseconds to 256 ns, and days since 1900 to 630 ns
     np.testing.assert_allclose(stamps.since_s, FINE, atol=7e-7)
     assert (said is None and stamps.notes == ()) or said in stamps.notes[0]
+
+
+def test_a_unit_that_the_numbers_contradict_is_asked_for_or_said():
+    """Property: days at 1 Hz are no seconds at 86 kHz; steps of 0.01 ms may be of seconds."""
+    for days in (739282.9 + FINE / 864, np.round(45322.9 + FINE / 864, 5)):  # MATLAB's, Excel's
+        refused(WrongUsage, "--time-unit d", times.stamps, "time", days)
+    assert "at 1.01e+05 Hz: if it is in seconds, say" in times.stamps("t_ms", FINE).notes[0]
+    assert times.stamps("t_us", 1e3 * FINE).notes == ()  # whole: a board at 100 kHz
+    assert times.stamps("t_ms", FINE, "ms").notes == ()
 
 
 @pytest.mark.parametrize(("form", "unit", "zero", "said"), [
@@ -183,10 +219,19 @@ def test_a_rest_and_a_repetition_of_a_stamp_are_told_apart():
         assert both["time_s"].tolist() == [3.5]
 
 
+def test_clock_times_of_loggers_and_spreadsheets():
+    """Property: ms behind a colon; minutes and seconds with a fraction, as Excel shows a time."""
+    for texts in (["23:59:58:250", "23:59:58:500"], ["59:58.25", "59:58,5"], ["1:02.25", "1:02.5"]):
+        found = times.stamps("time", np.array(texts, dtype=object))
+        assert found.since_s.tolist() == [0, 0.25] and found.zero_s % 60 in (58.25, 2.25)
+
+
 DAYS = "%Y-%m-%dT%H:%M:%S.%f", "%Y-%m-%d %H:%M:%S.%f+00:00", "%d/%m/%Y %H:%M:%S.%f"
+DAYS += "%Y%m%d%H%M%S.%f", "%Y%m%d_%H%M%S%f", "%Y%m%dT%H%M%S.%fZ"
+CLOCKS = "%H:%M:%S.%f", "%I:%M:%S.%f %p"
 
 
-@pytest.mark.parametrize("form", [*DAYS, "%m/%d/%Y %H:%M:%S.%f", "%H:%M:%S.%f"])
+@pytest.mark.parametrize("form", [*DAYS, "%m/%d/%Y %H:%M:%S.%f", *CLOCKS])
 def test_dates_and_clock_times_run_over_midnight(form):
     """Analytic: a hundred samples at 100 Hz across midnight."""
     start = datetime.datetime(2024, 5, 1, 23, 59, 59, 500_000, tzinfo=datetime.UTC)

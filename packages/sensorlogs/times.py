@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from sensorlogs import CannotAnswer, WrongUsage, counted
-from sensorlogs.delimited import CLOCK, Table, printable
+from sensorlogs.delimited import CLOCK, COMPACT, Table, printable
 from sensorlogs.names import NAMES, spellings
 
 SCALES = {unit: said["seconds"] for unit, said in NAMES["units_of_time"].items()}
@@ -25,12 +25,14 @@ _UNITS = spellings(NAMES["units_of_time"])
 _NAMES = re.compile(NAMES["times"]["named"])
 _STAMP = re.compile(r"(^|[._ /])(time_?stamp|stamp|seconds_elapsed|time)([._ ]n?secs?)?$")
 _UNIX = {"s": (1e8, 1e10), "ms": (1e11, 1e13), "us": (1e14, 1e16), "ns": (1e17, 1e19)}
-_COUNTERS = (2.0**16, 2.0**24, 604800.0, 604800e3, 864e6, 2.0**31, 2.0**32)  # they start again here
+_COUNTERS = (2.0**16, 2.0**24, 86400.0, 864e5, 604800.0, 604800e3, 864e6, 2.0**31, 2.0**32)
+_COUNTERS += (2.0**32 / 1e3, 2.0**32 / 1e6)  # of ms and us, in s; all start again here
 SECONDS_PER_DAY = 86400.0
 RESTART_S = 60.0  # a clock that falls back by more has started again
 RESTARTS = 0.01  # share of rows that may do so; more is a file that is not sorted
 UNIX = "unix"  # seconds since 1970
 DAY = "day"  # seconds since some midnight, UTC as far as the log states
+FAST = 5e-5  # s between samples, shorter than of any gyro: times of another unit than their name's
 MODES = ("auto", "count", "stamps")
 MISSING_ALLOWED = 0.25  # largest share of missing samples in a channel
 REGULAR_SHARE = 0.90  # this share of the steps within +-50 % of the median step: regular stamps
@@ -39,6 +41,7 @@ REPEATS_ALLOWED = 0.01  # share of repeated stamps above which the clock counts 
 GAP = 1.5  # a step of more than this many nominal steps is a gap
 NO_STAMPS = "cut the file there, or, if the rows are evenly spaced, give --rate and no time column"
 LOOKAHEAD = 50  # samples after a long step in which late ones may catch up
+LEVEL = 10  # samples on either side of a long step whose mean stamp tells a gap from jitter
 DEVICE = "device"  # seconds since an event of the device's own, such as power-on
 
 
@@ -142,7 +145,13 @@ def stamps(name: str, column: np.ndarray, unit: str | None = None) -> Stamps:
         raise BadStamps(0, "no time stamp in this column; name another with --time, or give --rate")
     if unit is not None and unit not in SCALES:
         raise WrongUsage(f"--time-unit {unit} is not one of {', '.join(SCALES)}")
-    unit = unit or unit_of(name)
+    own = unit_of(name)
+    # After the year 2286 the numbers are a date in another unit than that of the name.
+    if unit is None and own and (own not in _UNIX or good[0] * SCALES[own] < _UNIX["s"][1]):
+        unit, step = own, (good[-1] - good[0]) / len(good) * SCALES[own]
+        if 0 < step < FAST and (good % 1 > 0).any():
+            said = f"by its name at {1 / step:.3g} Hz: if it is in seconds, say --time-unit s"
+            notes += (f"time column '{name}' {said}",)
     if unit is None and (day := _of_digits(t)) is not None:
         zero, said = float(day[np.isfinite(day)][0]), "clock time hhmmss (--time-unit overrules)"
         return Stamps(day - zero, zero, DAY, (f"time column '{name}' read as {said}",))
@@ -206,22 +215,26 @@ def stamp_errors_at(table: Table, column: str) -> Iterator[None]:
 def _from_text(name: str, column: np.ndarray, unit: str | None) -> Stamps:
     """Read ISO dates, or clock times that may run over midnight; of 10:59, the unit of 59."""
     texts = pd.Series(column, dtype="str")
-    stripped, start = texts.str.strip(), 0.0
+    cells, start = texts.str.strip(), 0.0
     if texts.dropna().str.match(r"^\s*\d{1,2}:\d{2}").all():
         full = r"0:\1" if unit == "s" else r"\1:00"
-        padded = stripped.str.replace(",", ".").str.replace(r"^(\d+:\d+)$", full, regex=True)
+        if cells.str.contains("(?i)[ap]m").any():
+            cells = pd.to_datetime(cells, format="mixed", errors="coerce").dt.strftime("%T.%f")
+        forms = {r"(:\d+:\d+)(,|:(?=\d{3}$))": r"\1.", r"^(\d+:\d+)[.,]": r"0:\1."}  # 59:58.0
+        padded = cells.replace({r"^(\d+:\d+)$": full} | forms, regex=True)
         seconds = pd.to_timedelta(padded, errors="coerce").dt.total_seconds()
         t = unwrap_clock(seconds.to_numpy())
         step = pd.Series(t).diff().median()
-        if unit is None and step == 60 and stripped.str.count(":").max() < 2:
-            said = f"'{stripped[0]}' may be mm:ss or hh:mm: say --time-unit s, or min"
+        if unit is None and step == 60 and cells.str.count(":").max() < 2:
+            said = f"'{cells[0]}' may be mm:ss or hh:mm: say --time-unit s, or min"
             raise WrongUsage(said, {"--time-unit": "s"}, {"--time-unit": "min"})
         clock, read_as = DAY, "clock time"
     else:
         clock, read_as = UNIX, "date and time"
         # pandas warns when it cannot guess one common format
         with warnings.catch_warnings(action="ignore", category=UserWarning):
-            read = functools.partial(pd.to_datetime, texts, errors="coerce", utc=True)
+            iso = texts.str.replace(COMPACT, r"\1T\2.\g<3>0", regex=True)
+            read = functools.partial(pd.to_datetime, iso, errors="coerce", utc=True)
             dates = read(format="ISO8601")
             if dates.isna().mean() > 0.5:  # the day or the month first: what takes less time
                 dotted = texts.str.match(r"^\s*\d+\.\d+\.").mean() > 0.5  # the day, as in Europe
@@ -233,7 +246,7 @@ def _from_text(name: str, column: np.ndarray, unit: str | None) -> Stamps:
         first = dates.dropna().min()
         t = (dates - first).dt.total_seconds().to_numpy(dtype=float, copy=True)
         start = first.timestamp() if first == first else 0.0
-    unread = np.isnan(t) & texts.notna().to_numpy() & (stripped != "").to_numpy()
+    unread = np.isnan(t) & texts.notna().to_numpy() & (cells != "").to_numpy()
     if unread.any() or not np.isfinite(t).any():
         row = int(np.argmax(unread))
         text = printable(str(column[row]))
@@ -273,7 +286,7 @@ def _unit_from_numbers(name, t) -> tuple[str, str]:
             return unit, " since 1970"
     step = np.diff(t)
     step = float(np.median(step[step > 0])) if (step > 0).any() else np.nan
-    if step >= 5 or step < 1e-5:
+    if step >= 5 or step < (5e-4 if t[0] > 1e4 else 1e-5):
         likely = "ms" if step < 1000 else "us" if step < 1e6 else "ns"
         if step < 1:  # dates of MATLAB and of spreadsheets
             likely = "d" if t[0] > 1e4 else "h"
@@ -441,18 +454,19 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
         raise BadStamps(end, f"{len(t)} samples are left: give a longer log or stretch")
     if t[-1] == t[0]:
         raise BadStamps(0, f"the time stamps do not advance; {NO_STAMPS}")
-    usual = float(np.median(step))
+    usual, mean = float(np.median(step)), (len(t) - 1) / float(t[-1] - t[0])
     near = (step > (1.999 - GAP) * usual) & (step < (GAP + 0.001) * usual)  # of 2 and 3 ms, both
-    if mode == "auto" and usual < 1.5 * SCALES["ms"] and _in_turn(step, usual):
-        mode = "count"  # a slower logger rather loses samples in turn
+    in_turn = _in_turn(step, usual) if usual < 1.5 * SCALES["ms"] else 0
+    if mode == "auto" and in_turn > 0.04 * len(step):
+        mode = "count"  # fewer, and a slower logger, may rather be samples lost in turn
     if coarse:
         rate, missing = _coarse(t, rows, repairs)
     elif mode == "auto" and (near.mean() >= REGULAR_SHARE or _on_ticks(step / usual)):
         rate, missing = _regular(t, step, float(step.mean(where=near)), repairs)
     elif mode == "stamps":
-        return _interpolated(t, rows, step, repairs)
+        return _interpolated(t, rows, step, mean, repairs)
     else:
-        rate, missing = _uneven(t, step, repairs)
+        rate, missing = _uneven(t, step, mean, repairs)
     size = len(rows) + int(missing.sum())
     if missing.any():
         before = int(np.argmax(missing))
@@ -464,6 +478,9 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
             much = f"more than {MISSING_ALLOWED:.0%} is too much: take a part with --from and --to"
             raise BadStamps(int(rows[before + 1]), f"{gaps}, before here; {much}")
         repairs.append(f"{gaps}; left as missing")
+        if in_turn:
+            even = 1 / step[missing < 2].mean()
+            repairs.append(f"they come in turn: if the clock rounds instead, say --rate {even:.6g}")
     return Grid(rate, size, rows, _index(missing), None, tuple(repairs))
 
 
@@ -481,15 +498,14 @@ def _on_ticks(ticks) -> bool:
     return on.mean() >= ON_TICKS[0]
 
 
-def _in_turn(step, usual) -> bool:
-    """Tell whether steps are one tick of a clock or two in turn: regular samples, in between.
+def _in_turn(step, usual) -> int:
+    """Count the steps of two ticks of a clock, beyond ten, if they come in turn with those of one.
 
-    Between two steps of two ticks are then equally many others, to one; chance loses samples less
-    evenly.
+    Between two of them are then equally many others, to one, as where regular samples lie between
+    the ticks; chance loses samples less evenly.
     """
     apart = np.diff(np.flatnonzero((step > 1.8 * usual) & (step < 2.2 * usual)))
-    # Fewer may be samples that a logger loses in turn.
-    return len(apart) > 0.04 * len(step) + 9 and np.ptp(np.percentile(apart, [5, 95])) <= 1
+    return len(apart) - 9 if len(apart) > 9 and np.ptp(np.percentile(apart, [5, 95])) <= 1 else 0
 
 
 def _without_repeats(rows, same, repeated, repairs) -> tuple[np.ndarray, bool]:
@@ -511,13 +527,17 @@ def _regular(t, step, dt, repairs) -> tuple[float, np.ndarray]:
     """
     long = step > GAP * dt
     at = np.flatnonzero(long)
-    following = np.diff(np.r_[at, len(step)]) - 1  # rows up to the next long step
+    last = np.r_[at[1:], len(step)]  # rows before the next long step
     lost = np.minimum(np.round(step[at] / dt) - 1, LOOKAHEAD)
-    ahead = np.minimum(lost, following).astype(np.int64)
+    after = at + 1 + np.minimum(lost, last - at - 1).astype(np.int64)
+    first = np.maximum(np.r_[0, after[:-1]], at + 1 - LEVEL)
+    last = np.minimum(last + 1, after + LEVEL)
+    late = np.r_[0.0, np.cumsum((t - t[0]) / dt - np.arange(len(t)))]  # in steps, summed
+    before = (late[at + 1] - late[first]) / (at + 1 - first)
+    level = (late[last] - late[after]) / (last - after)
     missing = np.zeros(len(step), dtype=np.int64)
-    missing[at] = np.maximum(np.round((t[at + 1 + ahead] - t[at]) / dt) - 1 - ahead, 0)
-    longest = step.max(where=~long, initial=0.0)
-    jitter = max(longest / dt - 1, 1 - float(step.min()) / dt)
+    missing[at] = np.maximum(np.round(level - before), 0)
+    jitter = max(step.max(where=~long, initial=0.0) / dt - 1, 1 - float(step.min()) / dt)
     if jitter > 0.1:
         repairs.append(
             f"time stamps wander by up to {jitter:.0%} of a step: "
@@ -525,7 +545,7 @@ def _regular(t, step, dt, repairs) -> tuple[float, np.ndarray]:
         )
     if late := len(at) - np.count_nonzero(missing):
         repairs.append(f"{counted(late, 'sample')} stamped late but none lost: placed by count")
-    return 1 / dt, missing
+    return float((len(step) + missing.sum()) / (t[-1] - t[0])), missing
 
 
 def _coarse(t, rows, repairs) -> tuple[float, np.ndarray]:
@@ -548,9 +568,8 @@ def _coarse(t, rows, repairs) -> tuple[float, np.ndarray]:
     return rate, missing
 
 
-def _interpolated(t, rows, step, repairs) -> Grid:
+def _interpolated(t, rows, step, rate, repairs) -> Grid:
     """Interpolate by stamp, at the mean rate."""
-    rate = (len(t) - 1) / float(t[-1] - t[0])
     repairs.append(
         f"samples interpolated linearly between their stamps (median step "
         f"{_said(np.median(step))}, longest {_said(step.max())}) onto a grid of {rate:.6g} Hz: "
@@ -559,9 +578,8 @@ def _interpolated(t, rows, step, repairs) -> Grid:
     return Grid(rate, len(t), rows, np.arange(len(t)), t, tuple(repairs))
 
 
-def _uneven(t, step, repairs) -> tuple[float, np.ndarray]:
-    """Place samples with uneven stamps evenly, at the mean rate."""
-    rate = (len(t) - 1) / float(t[-1] - t[0])
+def _uneven(t, step, rate, repairs) -> tuple[float, np.ndarray]:
+    """Place samples with uneven stamps evenly, at the mean rate, that without long pauses."""
     # A pause much longer than the usual steps is a gap here too.
     pause = step > max(10 * float(np.percentile(step, 99)), 50 / rate)
     rate = 1 / float(step[~pause].mean())
