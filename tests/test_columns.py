@@ -308,6 +308,7 @@ NAMED = {  # what replay and compare take a name for | kind, what it is if no re
     " | rate | a time": "gyroTimestamp_sinceReboot",
     " | accel | a norm": "Absolute_acceleration_(m/s^2) acc_total", " | rate | a norm": "|omega|",
     " | rate | a status word": "gyro_x_status",
+    " | accel | a status word": "accelerometer_clipping",
     " | rate | an accuracy": "angular_velocity_covariance[0]", " |  | an accuracy": "HAcc",
     " | accel | another quantity": "speed_acc", " | rate | a temperature": "gyro_temp",
     " |  | a counter": "Unnamed:_0",

@@ -179,7 +179,8 @@ def test_units_of_time(name, column, said):
 
 def test_a_unit_that_the_numbers_contradict_is_asked_for_or_said():
     """Property: days at 1 Hz are no seconds at 86 kHz; steps of 0.01 ms may be of seconds."""
-    for days in (739282.9 + FINE / 864, np.round(45322.9 + FINE / 864, 5)):  # MATLAB's, Excel's
+    excels = np.round(45322.9 + FINE / 864, 5), FINE / 864  # a duration is in days, too
+    for days in (739282.9 + FINE / 864, *excels):  # MATLAB's
         refused(WrongUsage, "--time-unit d", times.stamps, "time", days)
     assert "at 1.01e+05 Hz: if it is in seconds, say" in times.stamps("t_ms", FINE).notes[0]
     assert times.stamps("t_us", 1e3 * FINE).notes == ()  # whole: a board at 100 kHz
@@ -221,7 +222,8 @@ def test_a_rest_and_a_repetition_of_a_stamp_are_told_apart():
 
 def test_clock_times_of_loggers_and_spreadsheets():
     """Property: ms behind a colon; minutes and seconds with a fraction, as Excel shows a time."""
-    for texts in (["23:59:58:250", "23:59:58:500"], ["59:58.25", "59:58,5"], ["1:02.25", "1:02.5"]):
+    for texts in (["23:59:58:250", "23:59:58:500"], ["59:58.25", "59:58,5"], ["1:02.25", "1:02.5"],
+                  ["9:9:58.25", "9:9:58.5"]):  # fmt: skip
         found = times.stamps("time", np.array(texts, dtype=object))
         assert found.since_s.tolist() == [0, 0.25] and found.zero_s % 60 in (58.25, 2.25)
 
@@ -240,3 +242,15 @@ def test_dates_and_clock_times_run_over_midnight(form):
     np.testing.assert_allclose(stamps.since_s, FINE, atol=1e-9)  # µs are printed
     said = "date and time" if "%d" in form else "clock time"
     assert stamps.notes == (f"time column 'time' read as {said}",)
+
+
+def test_a_date_in_digits_may_be_a_number():
+    """Analytic: as JSON, Parquet and spreadsheets keep it; a row may have none."""
+    stamps = times.stamps("time", np.array([20240131235958, np.nan, 20240201000000.5]))
+    assert stamps.since_s[[0, 2]].tolist() == [0, 2.5] and np.isnan(stamps.since_s[1])
+    start = datetime.datetime(2024, 1, 31, 23, 59, 58, tzinfo=datetime.UTC)
+    assert stamps.zero_s == start.timestamp() and stamps.clock == times.UNIX
+    counter = times.stamps("time", 20240131000000 + 1e7 * np.arange(99), "ns")
+    assert counter.since_s[-1] == pytest.approx(0.98)
+    refused(times.BadStamps, "no time stamp", times.stamps, "time", np.array([]))
+    refused(times.BadStamps, "no time stamp", times.stamps, "time", np.array([np.nan]))

@@ -214,6 +214,12 @@ def test_what_is_no_row_at_the_end_is_dropped_and_stated(tmp_path, cut, said):
     assert said in log.repairs[0] and (",," in cut or log.repairs == (said,))
 
 
+def test_a_column_of_text_is_stated(tmp_path):
+    """Property: a reading with its unit in each cell is left out, and said to be."""
+    log = read(tmp_path, [f"{line},{k}V" for k, line in enumerate(lines())], f"{HEADER},a1")
+    assert len(log.channels) == 2 and log.repairs == ("columns of text left out: a1",)
+
+
 def test_a_name_that_stands_twice_is_stated(tmp_path):
     """Property: the second column of a name is left out and said to be; its number reads it."""
     path = write(tmp_path, lines(), "t_s,gyro_x_deg_s,gyro_x_deg_s")

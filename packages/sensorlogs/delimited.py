@@ -66,7 +66,7 @@ def sniff(path: Path) -> Layout:
     fields = {i: _split(lines[i], delimiter) for i in rows}
     decimal = _decimal(fields.values())
     rows = rows[_titles([fields[i] for i in rows], decimal) :]
-    first = rows[0]
+    first = header_lines = rows[0]
     head_row = None
     if _is_header(fields[first], decimal):
         head_row, header_lines = fields[first], first + 1
@@ -79,7 +79,6 @@ def sniff(path: Path) -> Layout:
         if not rows:
             raise CannotAnswer(f"{path.name}: no data after line {header_lines}, the header")
     else:
-        header_lines = first
         above = [i for i in comments if i < first]
         if above:  # numpy.savetxt and EuRoC put the names into a comment
             named = _split(_COMMENT.sub("", lines[above[-1]]).strip(), delimiter)

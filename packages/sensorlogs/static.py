@@ -346,6 +346,7 @@ def _choices(table, time, option):
     if lost and not any(columns.recognise(name).kind for name in numeric):
         raise CannotAnswer(f"{file}: no fix: none of {len(frame):,} epochs has a measured position")
     notes = [f"column '{warm}' kept as the temperature, in deg C"] if warm else []
+    notes += [f"columns of text left out: {', '.join(texts)}"] if texts and not wanted else []
     numeric = [name for name in numeric if name != warm or name in wanted]
     chosen, more = columns.choose(columns.sample(frame, numeric), file, wanted, **given)
     return chosen, [*notes, *more], temperature

@@ -25,8 +25,8 @@ _UNITS = spellings(NAMES["units_of_time"])
 _NAMES = re.compile(NAMES["times"]["named"])
 _STAMP = re.compile(r"(^|[._ /])(time_?stamp|stamp|seconds_elapsed|time)([._ ]n?secs?)?$")
 _UNIX = {"s": (1e8, 1e10), "ms": (1e11, 1e13), "us": (1e14, 1e16), "ns": (1e17, 1e19)}
-_COUNTERS = (2.0**16, 2.0**24, 86400.0, 864e5, 604800.0, 604800e3, 864e6, 2.0**31, 2.0**32)
-_COUNTERS += (2.0**32 / 1e3, 2.0**32 / 1e6)  # of ms and us, in s; all start again here
+_COUNTERS: tuple[float, ...] = (2.0**16, 2.0**24, 604800.0, 604800e3, 864e6, 2.0**31, 2.0**32)
+_COUNTERS += (864e2, 864e5, 2.0**32 / 1e3, 2.0**32 / 1e6)  # they start again here: ms, us in s
 SECONDS_PER_DAY = 86400.0
 RESTART_S = 60.0  # a clock that falls back by more has started again
 RESTARTS = 0.01  # share of rows that may do so; more is a file that is not sorted
@@ -152,6 +152,8 @@ def stamps(name: str, column: np.ndarray, unit: str | None = None) -> Stamps:
         if 0 < step < FAST and (good % 1 > 0).any():
             said = f"by its name at {1 / step:.3g} Hz: if it is in seconds, say --time-unit s"
             notes += (f"time column '{name}' {said}",)
+    if unit is None and CLOCK.match(f"{good[0]:.0f}"):  # 20240131235959
+        return _from_text(name, pd.Series(t).map("{:.3f}".format, na_action="ignore"), unit)
     if unit is None and (day := _of_digits(t)) is not None:
         zero, said = float(day[np.isfinite(day)][0]), "clock time hhmmss (--time-unit overrules)"
         return Stamps(day - zero, zero, DAY, (f"time column '{name}' read as {said}",))
@@ -216,7 +218,7 @@ def _from_text(name: str, column: np.ndarray, unit: str | None) -> Stamps:
     """Read ISO dates, or clock times that may run over midnight; of 10:59, the unit of 59."""
     texts = pd.Series(column, dtype="str")
     cells, start = texts.str.strip(), 0.0
-    if texts.dropna().str.match(r"^\s*\d{1,2}:\d{2}").all():
+    if texts.dropna().str.match(r"^\s*\d+:\d+").all():
         full = r"0:\1" if unit == "s" else r"\1:00"
         if cells.str.contains("(?i)[ap]m").any():
             cells = pd.to_datetime(cells, format="mixed", errors="coerce").dt.strftime("%T.%f")
@@ -286,10 +288,9 @@ def _unit_from_numbers(name, t) -> tuple[str, str]:
             return unit, " since 1970"
     step = np.diff(t)
     step = float(np.median(step[step > 0])) if (step > 0).any() else np.nan
-    if step >= 5 or step < (5e-4 if t[0] > 1e4 else 1e-5):
-        likely = "ms" if step < 1000 else "us" if step < 1e6 else "ns"
-        if step < 1:  # dates of MATLAB and of spreadsheets
-            likely = "d" if t[0] > 1e4 else "h"
+    if step >= 5 or step < (5e-4 if t[0] > 1e4 else 1.2e-5):
+        # Below 1: dates and durations of MATLAB and of spreadsheets.
+        likely = "d" if step < 1 else "ms" if step < 1000 else "us" if step < 1e6 else "ns"
         raise WrongUsage(
             f"time column '{name}' advances by {step:.6g}: in which unit? Say --time-unit {likely} "
             f"(or {', '.join(SCALES)}), or call it '{name}_{likely}'",
