@@ -197,7 +197,10 @@ SIX_FLAGS = {"--unit": "gyro=deg/s,accel=g", "--scale": "gyro=1/131,accel=1/1638
 GYRO_FLAGS = {"--unit": "gyro=deg/s", "--scale": "gyro=1/131"}
 ASKED = [  # header, columns, what is given -> words of the refusal, flags that it offers
     ("t_s,sensor_id,gyro_x_deg_s", (np.repeat(T, 2)[1:], np.arange(2 * N - 1) % 2, *LONG), {},
-     "column 'sensor_id' has each of its 2 values once a stamp", None),
+     "each of the 2 values of column 'sensor_id' has a clock of its own", None),
+    ("t_s,sensor_id,gyro_x_deg_s",
+     (np.sort(np.r_[T, T[1:] + 0.3 * T[1]]), np.arange(2 * N - 1) % 2, *LONG), {},
+     "each of the 2 values of column 'sensor_id' has a clock of its own", None),
     ("time,x,y,z", M_S2, BARE, "x, y, z: no unit is known; say --unit accel=m/s^2", None),
     (THREE, M_S2, BARE, "length of one g in m/s^2: say --columns gx,gy,gz", None),
     (THREE, (T, FALLING), {}, "--scale gyro=1/131", None),

@@ -220,6 +220,15 @@ def test_a_column_of_text_is_stated(tmp_path):
     assert len(log.channels) == 2 and log.repairs == ("columns of text left out: a1",)
 
 
+@pytest.mark.parametrize("label", [lambda k: "ok" if k % 3 else "late", lambda k: f"{k // 10} s"])
+def test_a_label_of_one_sensor_is_no_sensor_of_its_own(tmp_path, label):
+    """Property: a state by turns in a log of even stamps; a clock of whole seconds in words."""
+    rows = [f"{k // 10 if label(k)[-1] == 's' else k / 10},{label(k)},{line.split(',')[1]}"
+            for k, line in enumerate(lines())]  # fmt: skip
+    log = read(tmp_path, rows, "t_s,sensor_state,gyro_x_deg_s")
+    assert (log.samples, log.gaps, log.rate_hz) == (200, 0, pytest.approx(10))
+
+
 def test_a_name_that_stands_twice_is_stated(tmp_path):
     """Property: the second column of a name is left out and said to be; its number reads it."""
     path = write(tmp_path, lines(), "t_s,gyro_x_deg_s,gyro_x_deg_s")

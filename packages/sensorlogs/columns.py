@@ -54,9 +54,8 @@ _PER_COUNT = {"rate": "1/131", "accel": "1/16384"}  # of the most common IMU, to
 @functools.cache
 def unit_of(text: str) -> str | None:
     """Return the unit meant by a spelling (``"dps"`` -> ``"deg/s"``), or None if not known."""
-    plain = _plain(text)
-    fits = (u for u, said in NAMES["units"].items() if re.fullmatch(said["spelled"], plain))
-    return next(fits, None)
+    known = NAMES["units"]
+    return next((u for u in known if re.fullmatch(known[u]["spelled"], _plain(text))), None)
 
 
 def _plain(text: str) -> str:
@@ -659,10 +658,8 @@ def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, st
             kind, why = "GNSS" if column.quantity in _GNSS else column.other, "its name"
         elif name in by_content and not (column.kind and unit):
             kind, why = by_content[name], "its numbers"
-        elif column.kind and not unit:
-            why = "its name, no unit"
         elif not unit:
-            why = ""
+            why = "its name, no unit" if column.kind else ""
         found.append((name, kind.split(":")[0], unit, why))
     return found
 

@@ -269,14 +269,13 @@ def _placed(table, option):
     same = np.flatnonzero(at[1:] == at[:-1]) + 1
     now = frame.iloc[same]
     before = frame.iloc[same - 1].set_axis(now.index)
-    stamps = len(at) - len(same)
-    labels = [n for n in frame if frame[n].dtype.kind != "f" or "sensor" in n.lower()]
-    for name in labels if len(same) else ():
-        each = frame[name].nunique()
-        # Half a value: the log may begin and end within a stamp.
-        if len(at) > (each - 0.5) * stamps and frame.groupby([at, name]).ngroups == len(at):
-            said = f"column '{name}' has each of its {each} values once a stamp; give each a file"
-            raise WrongUsage(f"{file}: rows of several sensors: {said}")
+    tags = [n for n in frame if n != time and (frame[n].dtype.kind != "f" or "sensor" in n.lower())]
+    for name in tags:
+        each = [at[rows] for rows in frame.groupby(name).indices.values()]
+        throughout = len(each) > 1 and min(map(np.ptp, each)) > np.ptp(at) / 2
+        if throughout and _uneven(at) > max(0.5, *(2 * _uneven(of) for of in each)):
+            said = f"each of the {len(each)} values of column '{name}' has a clock of its own"
+            raise WrongUsage(f"{file}: rows of several sensors: {said}; give each a file")
     repeated[same] = ((now == before) | (now.isna() & before.isna())).all(axis=1)
     with times.stamp_errors_at(table, time):
         grid = times.by_stamps(at, repeated, option.get("timing", "auto"))
@@ -286,6 +285,12 @@ def _placed(table, option):
             f"{grid.rate_hz:.6g} Hz; leave one of them out"
         )
     return table, time, grid, np.nanmin(at), notes
+
+
+def _uneven(at: np.ndarray) -> float:
+    """Return the range of nearly all steps, in their mean."""
+    step = np.diff(at)
+    return np.ptp(np.percentile(step, [2, 98])) / max(step.mean(), 1e-300)
 
 
 def _with_units(error, rows, option) -> WrongUsage:
