@@ -33,7 +33,6 @@ COMPACT = NAMES["cells"]["compact"]
 CLOCK = re.compile(NAMES["cells"]["clock"] + "|" + COMPACT)
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _NEWLINE = re.compile(r"\r\n|\n|\r")
-_MARK = re.compile(rb"[#%]|//")
 _COMMENT = re.compile(r"\s*([#%](?!(N/A|[A-Z/0]+[!?])\s*[,;\t|])|//)")  # a line, not of #DIV/0!
 _REMARK = re.compile(r"(?<![^\s,;|])[#%].*")  # behind a row; within one, it is of a cell
 _LINE_ENDS = (b"\n", b"\r", b"\x00")
@@ -181,10 +180,8 @@ def _decimal(rows) -> str:
 
 def _number(cell: str, decimal: str) -> float:
     """Read one field as a number; NaN if it means missing; ValueError otherwise, also of 1_000."""
-    cell = cell.strip()
-    return (
-        np.nan if cell.lower() in MISSING else float(cell.replace("_", "?").replace(decimal, "."))
-    )
+    cell = cell.strip().replace("_", "?")
+    return np.nan if cell.lower() in MISSING else float(cell.replace(decimal, "."))
 
 
 def _is_word(field: str, decimal: str) -> bool:
@@ -302,8 +299,11 @@ def read_table(path: Path) -> Table:
     layout, (head, _), size = sniff(path), _head(path), path.stat().st_size
     check_size(path, size * len(head) // (len("\n".join(head)) + 1), len(layout.names), "about ")
     skipped = [*range(layout.header_lines)]
-    with open_bytes(path) as raw:  # most files have no mark at all, which takes less time to see
-        if any(_MARK.search(block) for block in iter(lambda: raw.read(HEAD_BYTES), b"")):
+    with open_bytes(path) as raw:  # most files have no mark below the header, which is soon seen
+        for _ in skipped:
+            raw.readline()
+        blocks = iter(lambda: raw.read(HEAD_BYTES), b"")
+        if any(mark in block for block in blocks for mark in (b"#", b"%", b"//")):
             skipped += [number - 1 for number, _ in data_lines(path, layout, comments=True)]
     is_cut = _is_cut_off(path, layout)
     try:

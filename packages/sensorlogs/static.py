@@ -270,10 +270,10 @@ def _placed(table, option):
     now = frame.iloc[same]
     before = frame.iloc[same - 1].set_axis(now.index)
     tags = [n for n in frame if n != time and (frame[n].dtype.kind != "f" or "sensor" in n.lower())]
-    for name in tags:
+    for name in tags if tags and _uneven(at) > 0.5 else ():
         each = [at[rows] for rows in frame.groupby(name).indices.values()]
         throughout = len(each) > 1 and min(map(np.ptp, each)) > np.ptp(at) / 2
-        if throughout and _uneven(at) > max(0.5, *(2 * _uneven(of) for of in each)):
+        if throughout and _uneven(at) > 2 * max(map(_uneven, each)):
             said = f"each of the {len(each)} values of column '{name}' has a clock of its own"
             raise WrongUsage(f"{file}: rows of several sensors: {said}; give each a file")
     repeated[same] = ((now == before) | (now.isna() & before.isna())).all(axis=1)
