@@ -246,8 +246,7 @@ def remove_jumps(s, height):
     ends = np.flatnonzero(jumped | drifting) + 1
     for a, b in pairwise(np.concatenate([[0], ends, [len(s)]])):
         if s[b - 1] - s[a] >= LEVEL_LENGTH:
-            low = s[a] + LEVEL_MARGIN if a > 0 else s[a]
-            high = s[b - 1] - LEVEL_MARGIN if b < len(s) else s[b - 1]
+            low, high = s[a] + LEVEL_MARGIN * (a > 0), s[b - 1] - LEVEL_MARGIN * (b < len(s))
             level[a:b] = (low <= s[a:b]) & (s[a:b] <= high)
     return shape + np.interp(s, s[level], (height - shape)[level]), level, jumps
 
@@ -259,7 +258,10 @@ def _shape(between, run, rise, slope, bad):
 
 
 def smooth_onto(s, values, at, width):
-    """Smooth a drive onto other distances.
+    """Smooth a drive onto other distances, with all of its samples around each.
+
+    Beyond its ends the drive goes on turned about them: what is straight stays so, and the end
+    stays in its place.
 
     Parameters
     ----------
@@ -275,7 +277,8 @@ def smooth_onto(s, values, at, width):
     -------
     ndarray, shape (k,)
     """
-    finer = 8
-    step = (at[1] - at[0]) / finer
-    fine = at[0] + step * np.arange(finer * len(at))
-    return gaussian_filter1d(np.interp(fine, s, values), width / step, mode="nearest")[::finer]
+    s, values = (np.pad(v, len(v) - 1, "reflect", reflect_type="odd") for v in (s, values))
+    step = (at[1] - at[0]) / 8
+    more = 8 * int(np.ceil(width / (2 * step)))  # the Gaussian reaches four widths
+    fine = at[0] + step * np.arange(-more, 8 * len(at) + more)
+    return gaussian_filter1d(np.interp(fine, s, values), width / step)[more:-more:8]
