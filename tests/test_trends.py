@@ -27,6 +27,8 @@ def test_power_law_is_a_regression_of_logarithms():
     np.testing.assert_allclose(np.diff(b), times * theirs.stderr, rtol=1e-5)
     np.testing.assert_allclose(np.diff(np.log(A)), times * theirs.intercept_stderr, rtol=1e-5)
     refused(CannotAnswer, "needs three sensors, not 2", PowerLaw.fit, PRICE[:2], VARIANCE[:2])
+    for given in ((PRICE, 0 * PRICE + 0.1), (0 * PRICE + 7, VARIANCE), (PRICE, 0 * PRICE)):
+        refused(CannotAnswer, "above zero that differ", PowerLaw.fit, *given)
 
 
 def test_many_power_laws_are_each_the_one():

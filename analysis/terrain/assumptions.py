@@ -352,9 +352,7 @@ class Setup:
         rate; a step about as fine as the map leaves the errors as they are.
         """
         rate = self.speed / step
-        return replace(
-            self, rate_hz=rate, R=None if self.R is None else self.R * rate / self.rate_hz
-        )
+        return replace(self, rate_hz=rate, R=self.R and self.R * rate / self.rate_hz)
 
     @staticmethod
     def sweeps() -> tuple[dict, dict]:

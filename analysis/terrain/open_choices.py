@@ -95,8 +95,7 @@ class Interpretation:
         WrongUsage
             If there is no such factor or level.
         """
-        unknown = sorted(set(levels) - set(FACTORS))
-        if unknown:
+        if unknown := sorted(set(levels) - set(FACTORS)):
             raise WrongUsage(f"no factor '{unknown[0]}'; there are: {', '.join(FACTORS)}")
         return cls(**levels)
 

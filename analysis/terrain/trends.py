@@ -130,12 +130,15 @@ class PowerLaw:
         Raises
         ------
         CannotAnswer
-            With fewer than three points, for then nothing is left to judge the fit by.
+            With fewer than three points, for then nothing is left to judge the fit by, or without
+            two prices and two variances above zero: of a constant there is no correlation.
         """
-        x, y = (np.log(np.asarray(v, dtype=float)) for v in (price, variance))
-        n = len(x)
+        n = len(price)
         if n < 3:
             raise CannotAnswer(f"a power law with an interval needs three sensors, not {n}")
+        if not all(0 < np.min(v) < np.max(v) < np.inf for v in (price, variance)):
+            raise CannotAnswer("a power law needs prices and variances above zero that differ")
+        x, y = (np.log(np.asarray(v, dtype=float)) for v in (price, variance))
         line = linregress(x, y)
         signs, times = np.array([0, -1, 1]), student.ppf(0.975, n - 2)
         A = np.exp(line.intercept + signs * times * line.intercept_stderr)
