@@ -118,7 +118,7 @@ def test_the_grids_are_those_of_the_figures():
 
 
 def test_resampled_reach():
-    """property: the sample first; no spread among equal laps; a lap more often moves it."""
+    """property: the sample first; equal laps do not spread, one lap is refused, one more counts."""
     error = np.arange(1, 101.0).reshape(1, 10, 10) * np.array([1, -0.1])[:, None, None]
     reach = of_errors(("a", "b"), error).reach()
     assert reach.tolist() == pytest.approx([95.05, 9.505])  # 95 % of 1..100, whatever the sign
@@ -130,6 +130,9 @@ def test_resampled_reach():
     assert drawn.max() > 2 * drawn.min()
     same = of_errors(("a",), np.repeat(error[:, :1], 9, axis=1))
     assert np.ptp(same.reaches(20, np.random.default_rng(4))["a"]) == 0
+    alone = of_errors(("a",), error[:, :1])
+    for call in (alone.reaches, alone.measures):
+        refused(CannotAnswer, "one lap has no interval", call, 20, np.random.default_rng(4))
 
 
 def test_components_of_the_map_error():
@@ -207,10 +210,12 @@ def test_one_function_tells_the_tracking_error():
     assert bounded.value is None and bounded.high > 0
 
 
-def test_a_lap_off_the_map_is_refused():
-    """property: a sentence with both ranges, and no simulation."""
+def test_a_lap_off_the_map_or_too_short_is_refused():
+    """property: a sentence with both ranges, or both lengths."""
     words = r"from 50\.0 to 650\.0 m and leaves the map"
     refused(CannotAnswer, words, laps, replace(setup_of(), length=600.0))
+    words = "of 19 samples ends before its first error, at 51"
+    refused(CannotAnswer, words, laps, replace(setup_of(), length=2.0))
 
 
 @pytest.mark.parametrize("places", [1, 2])

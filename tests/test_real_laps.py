@@ -43,13 +43,20 @@ def test_each_lap_has_its_own_map_and_R():
             np.testing.assert_array_equal(getattr(together[name], key), getattr(alone, key))
 
 
-def test_a_lap_without_an_antenna_or_off_the_map_is_refused():
+def first(lap, n):
+    """Keep the first samples of a lap."""
+    return replace(lap, **{k: of[:n] for k, of in vars(lap).items() if isinstance(of, np.ndarray)})
+
+
+def test_a_lap_without_an_antenna_too_short_or_off_the_map_is_refused():
     """property: one sentence each."""
     lap, others = terrain_data.lap_and_map(LAP)
     torn = replace(others, pitch_deg=np.where(others.s_m < 7, np.nan, others.pitch_deg))
     blind, away = replace(lap, pitch_deg=np.nan * lap.s_m), replace(lap, s_m=lap.s_m + 2000.0)
     for words, pair in {
         f"lap {LAP} has no pitch: an antenna was": (blind, others),
+        "samples: 0, and tracking needs two": (first(lap, 0), others),
+        "samples: 1, and tracking needs two": (first(lap, 1), others),
         "leaves the map": (away, others),
         r"no attitude at .* a filter needs a map without gaps": (lap, torn),
     }.items():

@@ -123,12 +123,7 @@ class Laps:
             each sensor, the sample itself in the first row and a resample in each further row. See
             `interval`.
         """
-        error = self.error
-        count = error.shape[1]
-        of_places, of_draws = (
-            resampling.counts(n, draws, rng) for n in (self.places, count // self.places)
-        )
-        weights = np.einsum("bp,bd->bpd", of_places, of_draws).reshape(1 + draws, count) / count
+        error, weights = self.error, self._weights(draws, rng)
 
         def over_runs(values):
             return np.einsum("br,cr->bc", weights, values)
@@ -176,12 +171,20 @@ class Laps:
             The sample itself in the first row, a resample in each further row, m.
         """
         _, runs, times = self.error.shape
-        weights, found = resampling.counts(runs, draws, rng) / runs, []
+        weights, found = self._weights(draws, rng), []
         for error in np.abs(self.error):
             largest = np.argsort(error, axis=None)[: -(runs * times // 4) : -1]
             above = np.cumsum(weights[:, largest // times], axis=1) / times
             found.append(error.ravel()[largest][(above > 0.05).argmax(axis=1)])
         return self._by_sensor(np.transpose(found))
+
+    def _weights(self, draws, rng):
+        """Weigh the runs in the sample itself and in each resample, by how often it has them."""
+        count = self.error.shape[1]
+        if count < 2:
+            raise CannotAnswer("one lap has no interval, for it has no other to differ from")
+        by = [resampling.counts(n, draws, rng) for n in (self.places, count // self.places)]
+        return np.einsum("bp,bd->bpd", *by).reshape(1 + draws, count) / count
 
     def _by_sensor(self, values):
         return pd.DataFrame(values, columns=pd.Index(list(self.labels)))
@@ -220,7 +223,7 @@ def simulate_laps(
     Raises
     ------
     CannotAnswer
-        If the lap leaves the map.
+        If the lap leaves the map, or ends before the first error is stored.
     WrongUsage
         If numba is asked for and not installed, or the filter has bias states.
     """
@@ -360,6 +363,8 @@ def follow(
     walk, bias = paths
     stride = every * max(round(store_every / dt) // every, 1)
     stored = np.arange(stride, n, stride)
+    if not len(stored):
+        raise CannotAnswer(f"a lap of {n} samples ends before its first error, at {stride + 1}")
     error, variance = np.empty((2, len(arw), len(first), len(stored)))
     attitude = attitude.reshape(m, n, 1, -1)
     known = np.isfinite(attitude).all(axis=(0, 2, 3))
@@ -537,8 +542,7 @@ class ErrorPlane:
             With the interval over the laps. Infinite beyond the grid; 0 where none keeps it.
         """
         x = self.arw if coefficient == "N" else self.sigma_b
-        planes = (self.error, self.high, self.low)
-        of = (e[0] if coefficient == "N" else e[:, 0] for e in planes)
+        of = (e[0] if coefficient == "N" else e[:, 0] for e in (self.error, self.high, self.low))
         return Estimate(*(_largest(x, reach, wanted) for reach in of))
 
     def of(self, sensor: Sensor) -> tuple[float, float]:

@@ -239,8 +239,10 @@ def resample_lap(lap, rate_hz):
     Raises
     ------
     CannotAnswer
-        If the lap has no attitude at all.
+        If the lap has no attitude at all, or fewer than two samples.
     """
+    if len(lap.t_s) < 2:
+        raise CannotAnswer(f"lap {lap.name}: samples: {len(lap.t_s)}, and tracking needs two")
     t = np.arange(lap.t_s[0], lap.t_s[-1], 1 / rate_hz)
     truth, wheel = (np.interp(t, lap.t_s, column) for column in (lap.s_m, lap.wheel_m))
     known = np.isfinite(lap.pitch_deg)

@@ -138,8 +138,7 @@ def watch(
                 raised.found.append((int(d), int(at[k])))
         position[at[k]], lost[at[k]] = here, is_lost
     last = np.arange(len(driven)) // every * every
-    position = position[last] + driven - driven[last]
-    return replace(raised, position=position, lost=lost[last])
+    return replace(raised, position=position[last] + driven - driven[last], lost=lost[last])
 
 
 def averaged_map(attitude_map: AttitudeMap) -> AttitudeMap:
@@ -191,9 +190,8 @@ def likelihood(averaged, samples, driven, sensor, setup, places):
     C += np.diag(assumed_R(sensor, setup) * setup.every / count[kept])
     inverse = np.linalg.inv(C)
     place = np.arange(*places, APART)
-    of_map = averaged.at(place[:, None] + s)
     square = np.zeros(len(place))
-    for channel, read in zip(of_map, z, strict=True):
+    for channel, read in zip(averaged.at(place[:, None] + s), z, strict=True):
         off = means(read) - channel
         square += ((off @ inverse) * off).sum(axis=1)
     weight = np.exp(-0.5 * (square - square.min()))

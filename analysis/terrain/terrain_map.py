@@ -241,8 +241,7 @@ def combine(curves, line, between=None):
     for q, values in curves.items():
         n, mean = np.isfinite(values).sum(axis=0), np.nanmean(values, axis=0)
         if between is None:
-            squares = np.nansum((values - mean) ** 2, axis=0)
-            variance = _pool(squares, step) / _pool(n - 1.0, step)
+            variance = _pool(np.nansum((values - mean) ** 2, axis=0), step) / _pool(n - 1.0, step)
         else:
             variance = between[q]
         columns |= {q: mean, q.replace("_", "_se_"): np.sqrt(variance / n)}
