@@ -12,11 +12,11 @@ from analysis import DATA, IN_DEG_S, IN_M_S2, STANDARD_GRAVITY, WrongUsage
 __all__ = ["gyros"]
 
 MEASURED = {"adis16405": "adis16405", "mpu6050": "mpu6050-gyro"}  # product -> its static log
-PITCH_GYRO = "gyro_y"
+POSITIVE = "arw_deg_sqrt_h density_deg_s bias_deg_h vrw_m_s_sqrt_h density_ug accel_bias_mg"
+NUMBERS = {"price_usd": "[low, high]"} | dict.fromkeys(POSITIVE.split(), "a number above 0")
 OF_LOG = " measured"  # ending of the label of a product by its log
 LEADING = {"rate": ("arw", "bias_instability"), "accel": ("vrw", "bias_instability")}  # N and B
 UNITS = {"rate": IN_DEG_S, "accel": {u: of / STANDARD_GRAVITY for u, of in IN_M_S2.items()}}
-IN_ATLAS = UNITS["rate"] | UNITS["accel"]  # deg/s, g
 GIVEN = DATA / "atlas"  # logs that others measured, as `python -m analysis atlas` writes them
 
 
@@ -26,16 +26,18 @@ def read(path: Path = DATA / "sensors.toml") -> dict[str, dict]:
     Raises
     ------
     WrongUsage
-        If a stanza lacks what every use of it needs.
+        If a stanza lacks what every use of it needs, or a number of it is none or not above 0.
     """
     listed = tomllib.loads(path.read_text(encoding="utf-8"))
     for key, entry in listed.items():
         for names in (["name"], ["source"], ["arw_deg_sqrt_h", "density_deg_s"]):
             if len(entry.keys() & set(names)) != 1:
                 raise WrongUsage(f"{path.name}: [{key}] needs one line {' or '.join(names)} = ...")
-        price = entry.get("price_usd", [1, 1])
-        if not (isinstance(price, list) and len(price) == 2 and 0 < price[0] <= price[1]):
-            raise WrongUsage(f"{path.name}: [{key}] price_usd = [low, high], not {price}")
+        for field, given in ((f, of) for f, of in entry.items() if f in NUMBERS):
+            pair = given if field == "price_usd" else [given, given]
+            known = isinstance(pair, list) and [type(v) in (int, float) for v in pair] == [True] * 2
+            if not (known and 0 < pair[0] <= pair[1] < np.inf):
+                raise WrongUsage(f"{path.name}: [{key}] {field} = {NUMBERS[field]}, not {given!r}")
     return listed
 
 
@@ -50,13 +52,11 @@ def sheets() -> pd.DataFrame:
         NaN where not traced); ``basis``, *data sheet*; ``bound``, false.
     """
     table = pd.DataFrame(read()).T.assign(basis="data sheet", bound=False)
-    density = table["arw_deg_sqrt_h"] / 60
-    table["arw"] = density.where(density.notna(), table["density_deg_s"]).astype(float)
+    density = table["density_deg_s"].astype(float)
+    table["arw"] = (table["arw_deg_sqrt_h"].astype(float) / 60).fillna(density)
     table["bias"] = table["bias_deg_h"].astype(float) / 3600
-    prices = [p if isinstance(p, list) else [np.nan, np.nan] for p in table["price_usd"]]
-    table["low"], table["high"] = np.array(prices, dtype=float).T
-    table["price"] = np.sqrt(table["low"] * table["high"])
-    return table
+    table["low"], table["high"] = (table["price_usd"].str[k].astype(float) for k in (0, 1))
+    return table.assign(price=np.sqrt(table["low"] * table["high"]))
 
 
 def of_log(model: dict, **about) -> list[dict]:
@@ -108,7 +108,7 @@ def gyros() -> pd.DataFrame:
     table = sheets().dropna(subset="bias")
     measured = table.loc[[*MEASURED]].assign(basis="measured", table_3=np.nan)
     for key, log in MEASURED.items():
-        sensor, bound = Sensor.from_model(static_logs.stored.read_model(log), PITCH_GYRO)
+        sensor, bound = Sensor.from_model(static_logs.stored.read_model(log), "gyro_y")  # pitch
         measured.loc[key, ["arw", "bias", "bound"]] = sensor.arw, sensor.sigma_b, bound
     measured["source"] = [f"data/derived/{log}" for log in MEASURED.values()]
     return pd.concat([measured.rename(index=f"{{}}{OF_LOG}".format), table])

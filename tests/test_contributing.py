@@ -30,7 +30,7 @@ def test_what_the_page_names_is_there():
 
 
 def test_a_sensor(tmp_path):
-    """property: the page's stanza joins the sheets; without a line the line is named."""
+    """property: the page's stanza joins the sheets; a line that lacks or is wrong is named."""
     path, before = tmp_path / "sensors.toml", (DATA / "sensors.toml").read_text("utf-8")
     path.write_text(before + SENSOR, "utf-8")
     assert datasheets.read(path)["my-gyro"] == tomllib.loads(SENSOR)["my-gyro"]
@@ -38,9 +38,12 @@ def test_a_sensor(tmp_path):
         path.write_text(before + re.sub(f"^{line}.*", "", SENSOR, flags=re.MULTILINE), "utf-8")
         said = rf"sensors\.toml: \[my-gyro\] needs one line {words}"
         refused(WrongUsage, said, datasheets.read, path)
-    for price in ("[20, 5]", "[5]", "5"):
-        path.write_text(before + SENSOR.replace("[5, 20]", price), "utf-8")
-        refused(WrongUsage, rf"\[low, high\], not {re.escape(price)}", datasheets.read, path)
+    wrong = {"price_usd": "[20, 5];[5];5;['5', '20'];[0, 5];[5, inf]"}
+    wrong |= {"density_deg_s": "0;-1;'1';true;nan"}
+    for field, value in ((f, v) for f, of in wrong.items() for v in of.split(";")):
+        path.write_text(before + re.sub(f"{field} = .*", f"{field} = {value}", SENSOR), "utf-8")
+        said = rf"sensors\.toml: \[my-gyro\] {field} = .*, not {re.escape(value)}"
+        refused(WrongUsage, f"(?i){said}", datasheets.read, path)
 
 
 def test_a_log(tmp_path, monkeypatch):

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import CannotAnswer, Estimate, WrongUsage, datasheets, in_one_unit, terrain_data
-from analysis.datasheets import IN_ATLAS, LEADING
+from analysis.datasheets import LEADING, UNITS
 from analysis.noise.added_terms import signal_of
 from analysis.noise.models import adev_of_terms
 from analysis.noise.notes import tells
@@ -239,7 +239,7 @@ def within_datasheet(result, sheet, why):
             if row.empty or not row[column].notna().all():
                 said.append(Said("not_stated", about))
                 continue
-            stated = float(row[column].iloc[0]) / IN_ATLAS[channels[0].unit]
+            stated = float(row[column].iloc[0]) / UNITS[kind][channels[0].unit]
             found = [(c.name, *_judge(c.parameters[key], stated)) for c in channels]
             outcomes += [outcome for _, outcome, _ in found]
             about["stated"] = Estimate(stated, None, None, channels[0].parameters[key].unit)
