@@ -452,7 +452,9 @@ def test_own_logs_join_the_catalogue(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("text", "words"), [
-    ('[adis16405]\nfile = "my.csv"', "taken"), ("[mine]\nrate_hz = 3", "needs a line"),
+    ('[adis16405]\nfile = "my.csv"', "name 'adis16405' is taken"),
+    ("mine = 3", r"logs.toml: \[mine\] needs a line"),
+    ("[mine]\nrate_hz = 3", r"logs.toml: \[mine\] needs a line"),
     ('[mine]\nfile = "my.csv"\nrate = 3', "closest: 'rate_hz'"),
     ('[mine]\nfile = "my.csv"\nformat = "xls"', "'xls' is not one of"),
     ('[mine]\nfile = "my.csv"\nrate_hz = "100"', "rate_hz = '100' is of the wrong type"),
@@ -461,11 +463,15 @@ def test_own_logs_join_the_catalogue(tmp_path, monkeypatch):
     ('[mine]\nfile = "my.csv"\nchannels = [{column=1, nam="x"}]', "closest: 'name'"),
     ('[mine]\nfile = "my.csv"\nchannels = [{column=1, unit=5}]', "unit = 5 is of the wrong type"),
     ('[m]\nfile = "a.csv"\nchannels = [{column=1, name="x"}, {column=2, name="x"}]', "one name"),
-    ("[mine", "not valid TOML")])  # fmt: skip
+    ("[mine", "not valid TOML: .*line 1")])  # fmt: skip
 def test_a_faulty_own_catalogue_is_wrong_usage(tmp_path, monkeypatch, text, words):
-    """Property: each mistake in the reader's catalogue is named."""
-    own_logs(monkeypatch, tmp_path, text)
-    refused(WrongUsage, words, logs.read, "mine")
+    """Property: each mistake in the reader's catalogue is named, and stops that log alone."""
+    csv_of(tmp_path, "t_s,gx_deg_s", ((t, t % 3 / 7) for t in range(99)))
+    own_logs(monkeypatch, tmp_path, f'{text}\n[other]\nfile = "my.csv"')
+    refused(WrongUsage, words, logs.read, {"[ad": "adis16405", "[m]": "m"}.get(text[:3], "mine"))
+    if "TOML" not in words:
+        assert logs.read("other").samples == 99
+        assert catalogue.find("f9p-static")[1]["file"]
 
 
 def test_the_committed_static_receiver_log():

@@ -180,8 +180,8 @@ def _renamed(part: Part, names: dict[str, str], gravity: Part | None, turned: bo
     if turned:
         table = replace(table, frame=table.frame.assign(**{a: -table.frame[a] for a in AXES}))
         notes.append(f"{part.name}: signs turned: an iPhone at rest, screen up, writes -1 g")
-    order = [column for column in table.frame if column not in AXES]
-    order += [axis for axis in AXES if axis in names]  # Sensor Logger writes z, y, x
+    # Sensor Logger writes z, y, x.
+    order = [*(c for c in table.frame if c not in AXES), *(a for a in AXES if a in names)]
     frame = table.frame[order].rename(columns=names)
     return replace(table, frame=frame, layout=None, repairs=(*table.repairs, *notes))
 
@@ -190,8 +190,7 @@ def check_zip(path: Path) -> list[zipfile.ZipInfo]:
     """List the files of a zip; refuse what unpacks to more than `LIMIT`."""
     with reading(path, "a zip file"), zipfile.ZipFile(path) as packed:
         members = [m for m in packed.infolist() if not m.is_dir()]
-    size = sum(member.file_size for member in members)
-    if size > LIMIT:
+    if sum(member.file_size for member in members) > LIMIT:
         raise _too_large(path)
     if any(member.flag_bits & 1 for member in members):
         raise CannotAnswer(f"{path.name}: the zip has a password: unpack it by hand")

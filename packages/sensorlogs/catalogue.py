@@ -25,14 +25,18 @@ OF_CHANNEL: dict = {"column": (str, int)} | dict.fromkeys(("name", "unit", "kind
 def load_catalogue() -> dict[str, dict]:
     """Read both catalogues: log name -> stanza, with ``own`` telling whose it is.
 
+    A stanza that cannot be understood, or whose name stands in both, has under ``wrong`` the
+    `WrongUsage` that `find` raises: the other logs are as good as before.
+
     Raises
     ------
     WrongUsage
-        If a stanza cannot be understood, or a name stands in both.
+        If a catalogue is no TOML.
     """
     stanzas, mine = _read(CATALOGUE, own=False), _read(OWN, own=True)
-    if both := sorted(stanzas.keys() & mine.keys()):
-        raise WrongUsage(f"data/own/logs.toml: the name '{both[0]}' is taken; choose another")
+    for name in stanzas.keys() & mine.keys():
+        taken = WrongUsage(f"data/own/logs.toml: the name '{name}' is taken; choose another")
+        mine[name] = stanzas[name] | {"wrong": taken}
     return stanzas | mine
 
 
@@ -67,6 +71,8 @@ def find(log: str | Path) -> tuple[str, dict, Path]:
             path = OWN.parent / path
         return path.stem, {}, _check_file(path, missing)
     stanza = stanzas[name]
+    if "wrong" in stanza:
+        raise stanza["wrong"]
     if not stanza["own"]:
         return name, stanza, datasets.path(stanza["file"])
     path = OWN.parent / stanza["file"]
@@ -108,25 +114,31 @@ def _check(entry: dict, keys: dict, where: str) -> None:
 
 
 def _read(path: Path, own: bool) -> dict[str, dict]:
-    """Read and check one catalogue file, if it is there."""
+    """Read one catalogue file, if it is there, and check each stanza."""
     where = path.relative_to(DATA.parent).as_posix() if DATA in path.parents else path.name
     try:
         stanzas = tomllib.loads(path.read_text(encoding="utf-8") if path.is_file() else "")
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise WrongUsage(f"{where}: not valid TOML: {error}") from error
     for name, stanza in stanzas.items():
-        here = f"{where}: [{name}]"
-        if not isinstance(stanza, dict) or not isinstance(stanza.get("file"), str):
-            raise WrongUsage(f'{here} needs a line such as file = "my.csv"')
-        _check(stanza, KEYS, here)
-        if (known := stanza.get("format", "csv")) not in FORMATS:
-            raise WrongUsage(f"{here} format '{known}' is not one of {', '.join(FORMATS)}")
-        channels = stanza.get("channels", [])
-        for channel in channels:
-            if not isinstance(channel, dict) or "column" not in channel:
-                raise WrongUsage(f'{here} each channel needs column = "..."')
-            _check(channel, OF_CHANNEL, f"{here} channels")
-        if len({channel.get("name", k) for k, channel in enumerate(channels)}) < len(channels):
-            raise WrongUsage(f"{here} two channels have one name")
-        stanza["own"] = own
+        try:
+            _check_stanza(stanza, f"{where}: [{name}]")
+            stanza["own"] = own
+        except WrongUsage as error:
+            stanzas[name] = {"own": own, "wrong": error}
     return stanzas
+
+
+def _check_stanza(stanza, here):
+    if not isinstance(stanza, dict) or not isinstance(stanza.get("file"), str):
+        raise WrongUsage(f'{here} needs a line such as file = "my.csv"')
+    _check(stanza, KEYS, here)
+    if (known := stanza.get("format", "csv")) not in FORMATS:
+        raise WrongUsage(f"{here} format '{known}' is not one of {', '.join(FORMATS)}")
+    channels = stanza.get("channels", [])
+    for channel in channels:
+        if not isinstance(channel, dict) or "column" not in channel:
+            raise WrongUsage(f'{here} each channel needs column = "..."')
+        _check(channel, OF_CHANNEL, f"{here} channels")
+    if len({channel.get("name", k) for k, channel in enumerate(channels)}) < len(channels):
+        raise WrongUsage(f"{here} two channels have one name")

@@ -124,8 +124,7 @@ def _columns(raw, group, what, names, path, why=""):
     """Read columns of numbers of a group; refuse a file that lacks it, or one of them."""
     if group not in raw:
         raise CannotAnswer(f"{path.name}: no {what} '{group}'{why}")
-    absent = [name for name in names if name not in raw[group]]
-    if absent:
+    if absent := [name for name in names if name not in raw[group]]:
         raise CannotAnswer(f"{path.name}: {group} has no '{absent[0]}'")
     return [np.ravel(raw[group][name][()]).astype(float) for name in names]
 

@@ -243,8 +243,7 @@ def _placed(table, option):
             f"{file}: --rate {rate:g}: give a positive number of samples a second, below {RATES:g}"
         )
     time = times.time_column(frame)
-    stamped = rate is None or "time" in option
-    if stamped:
+    if stamped := rate is None or "time" in option:
         named = columns.resolve(option["time"], list(frame), file) if "time" in option else time
         time, stamps = times.of_table(table, named, option.get("time_unit"))
         at = stamps.since_s
