@@ -528,6 +528,21 @@ def test_a_message_without_stamps_takes_the_times_of_recording(tmp_path):
     assert any("times of recording" in repair for repair in log.repairs)
 
 
+def test_the_status_of_a_ros_fix(tmp_path):
+    """Published: sensor_msgs/NavSatStatus: -1 is no fix, 0 a fix, 1 and 2 augmented ones."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    names = "sensor_msgs/NavSatFix sensor_msgs/NavSatStatus std_msgs/Header builtin_interfaces/Time"
+    fix, status, header, time = (store.types[n.replace("/", "/msg/")] for n in names.split())
+    with Writer2(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        line = writer.add_connection("/fix", kind := fix.__msgtype__, typestore=store)
+        for k in range(40):
+            place = status(k % 4 - 1, 1), 45.0 + 1e-5 * k, 9.0, 100.0, np.zeros(9), 0
+            message = fix(header(time(1 + k, 0), ""), *place)
+            writer.write(line, 10**9 * k, store.serialize_cdr(message, kind))
+    fixed = read_moving([tmp_path / "bag"]).gnss.has_fix
+    assert fixed.tolist() == [False, True, True, True] * 10
+
+
 def test_gyro_and_accelerometer_of_a_ulog_are_put_side_by_side(tmp_path):
     """Analytic: rows of two sensors are paired in their order; each sample is used once."""
     accel = frame()[["t_s", *WITH_UNITS[3:]]].assign(t_s=T + 0.003)
