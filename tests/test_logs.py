@@ -449,6 +449,12 @@ def test_own_logs_join_the_catalogue(tmp_path, monkeypatch):
     assert logs.read("mine", start=0, rate=10).duration_s == 20
     assert logs.read("my.csv", rate=20, columns=["b"], unit="dps").samples == 200  # by its file
     refused(WrongUsage, r"--unit g: the catalogue has 'mine' in deg/s", logs.read, "mine", unit="g")
+    assert logs.read("mine", start=np.int64(0), rate=np.int64(10)).duration_s == 20
+    for said, given in {
+        "--unit 5: give text": {"unit": 5}, "--from 'abc': give a number": {"start": "abc"},
+        "--time-unit [1]: give text": {"time_unit": [1]}, "--rate '9': give a num": {"rate": "9"},
+    }.items():  # fmt: skip
+        refused(WrongUsage, re.escape(said), logs.read, "my.csv", **given)
 
 
 @pytest.mark.parametrize(("text", "words"), [

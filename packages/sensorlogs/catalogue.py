@@ -2,6 +2,7 @@
 
 import os
 import tomllib
+from numbers import Integral, Real
 from pathlib import Path
 
 from sensorlogs import WrongUsage, datasets
@@ -14,9 +15,9 @@ OWN = DATA / "own" / "logs.toml"
 _TEXT = "title note licence source file format table timing unit kind scale time_unit"
 KEYS: dict[str, type | tuple[type, ...]] = {  # of a stanza, with the type of the value
     **dict.fromkeys(_TEXT.split(), str),
-    **dict.fromkeys(("rate_hz", "from", "to"), (int, float)),
+    **dict.fromkeys(("rate_hz", "from", "to"), Real),
     **dict.fromkeys(("names", "channels"), list),
-    "time": (str, int),
+    "time": (str, Integral),
     "rows": int,
 }
 OF_CHANNEL: dict = {"column": (str, int)} | dict.fromkeys(("name", "unit", "kind", "scale"), str)
@@ -80,10 +81,14 @@ def find(log: str | Path) -> tuple[str, dict, Path]:
     return name, stanza, _check_file(path, missing)
 
 
-def check_unit(name: str, stanza: dict, unit: str | None) -> None:
-    """Refuse a unit beside the catalogue's."""
+def check_given(name: str, stanza: dict, given: dict) -> None:
+    """Refuse what is given of another type than a stanza has it, and a unit beside a stanza's."""
+    for key, value in given.items():
+        if not isinstance(value, of := KEYS.get(key, object)):
+            flag = key.removesuffix("_hz").replace("_", "-")
+            raise WrongUsage(f"--{flag} {value!r}: give {'text' if of is str else 'a number'}")
     listed = [entry["unit"] for entry in (stanza, *stanza.get("channels", [])) if "unit" in entry]
-    if unit and listed:
+    if listed and (unit := given.get("unit")):
         raise WrongUsage(
             f"--unit {unit}: the catalogue has '{name}' in {', '.join(dict.fromkeys(listed))}; "
             "leave it out, or correct the catalogue"

@@ -76,8 +76,7 @@ def names(pattern: str = "*") -> list[str]:
         If there are none.
     """
     folder = pattern.rstrip("/") + "/"
-    found = [n for n in registry() if fnmatch(n, pattern) or n.startswith(folder)]
-    if not found:
+    if not (found := [n for n in registry() if fnmatch(n, pattern) or n.startswith(folder)]):
         folders = sorted({n.split("/")[0] for n in registry()})
         raise WrongUsage(f"no file '{pattern}' is registered; the folders are {', '.join(folders)}")
     return found

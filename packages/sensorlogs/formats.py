@@ -206,8 +206,7 @@ def title_of(path: Path) -> str:
 
 def parts_of(path: Path, known: str | None = None) -> list[Part]:
     """List the tables of a log: a file, packed or not, or a folder; see `_parts`."""
-    found = list(archives.phone(_parts(path, known)))
-    if not found:
+    if not (found := list(archives.phone(_parts(path, known)))):
         raise CannotAnswer(f"{path.name}: {title_of(path)} without any table of numbers in it")
     return found
 

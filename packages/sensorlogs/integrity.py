@@ -60,8 +60,7 @@ def state(path: Path) -> str:
     for file in sorted(path.iterdir()) if path.is_dir() else [path]:
         with file.open("rb") as handle:
             head = handle.read(1 << 14)
-            check = next((_CHECKS[magic] for magic in _CHECKS if re.search(magic, head)), None)
-            if check:
+            if check := next((_CHECKS[m] for m in _CHECKS if re.search(m, head)), None):
                 with mmap.mmap(handle.fileno(), 0, access=mmap.ACCESS_READ) as raw:
                     at = check(raw, file)
                 if at is not None:

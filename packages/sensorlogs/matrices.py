@@ -154,8 +154,7 @@ def json_lines(path: Path) -> list[Part]:
         frame.index = pd.Index([number for number, _ in found])
         first = frame.iloc[0] if found else {}
         # A long list in one object is a column, a short one the axes of a reading.
-        long = {n: c for n, c in first.items() if isinstance(c, list) and len(c) > LONG}
-        if long:
+        if long := {n: c for n, c in first.items() if isinstance(c, list) and len(c) > LONG}:
             return _grouped(path, {"": {name: np.array(c, float) for name, c in long.items()}})
         sensors = pd.Series("lines", frame.index)
         if "sensor" in frame and (named := frame["sensor"].map(type).eq(str)).any():

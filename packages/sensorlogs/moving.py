@@ -141,8 +141,7 @@ def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | Non
         if clocks.get("attitude") == clocks["IMU"] != clocks["GNSS"]:  # matched with the IMU
             parts["attitude"] = replace(parts["attitude"], t_s=parts["attitude"].t_s + shift)
             clocks["attitude"] = clocks["GNSS"]
-        apart = max(imu.t_s[0] - gnss.t_s[-1], gnss.t_s[0] - imu.t_s[-1])
-        if apart > 0:
+        if (apart := max(imu.t_s[0] - gnss.t_s[-1], gnss.t_s[0] - imu.t_s[-1])) > 0:
             raise CannotAnswer(
                 f"the logs do not overlap: {apart:.6g} s lie between: give those of one ride, or "
                 "say --imu-offset"

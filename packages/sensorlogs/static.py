@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from sensorlogs import CannotAnswer, WrongUsage, columns, counted, datasets, formats, grouped, times
-from sensorlogs.catalogue import check_unit, find
+from sensorlogs.catalogue import check_given, find
 from sensorlogs.columns import Choice
 from sensorlogs.delimited import Table, printable
 from sensorlogs.times import MISSING_ALLOWED, Grid
@@ -171,11 +171,12 @@ def read(
         If the file cannot support an answer: text among numbers, time running backward ...
     """
     name, stanza, path = find(log)
-    check_unit(name, stanza, unit)
     given: dict = {"rate_hz": rate, "time": time, "time_unit": time_unit, "from": start, "to": stop}
     columns = str(columns).split(",") if isinstance(columns, str | int) else columns
     given |= {"unit": unit, "kind": kind, "scale": scale, "table": table, "columns": columns}
-    option = stanza | {key: value for key, value in given.items() if value is not None}
+    given = {key: value for key, value in given.items() if value is not None}
+    check_given(name, stanza, given)
+    option = stanza | given
     rows = formats.read_table(path, option)
     if len(rows.frame) < stanza.get("rows", 0):
         raise CannotAnswer(
@@ -383,8 +384,7 @@ def _channel(
         values, cells = cells[finite], np.where(finite, cells, np.nan)
     if choice.kind == "angle" and choice.unit in columns.FULL_TURN:
         turned = np.unwrap(values, period=columns.FULL_TURN[choice.unit])
-        jumps = int((np.diff(turned - values).round(6) != 0).sum())
-        if jumps:
+        if jumps := int((np.diff(turned - values).round(6) != 0).sum()):
             said = f"{counted(jumps, 'jump')} by a full turn removed"
             repairs.append(f"'{choice.name}' unwrapped: {said}")
             cells, values = np.full(len(cells), np.nan), turned
