@@ -4,11 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from refused import refused
 
+from analysis import WrongUsage
 from analysis.noise.notes import said
 from studies import pool
 from studies.pool import Profile, population
-from workbench import cli
+from workbench import cli, pages
 
 DT = 0.05
 
@@ -244,13 +246,37 @@ def test_a_channel_of_one_unit_alone_is_named(tmp_path, capsys):
 
 
 def test_one_log_does_not_count_as_two_units(tmp_path, capsys):
-    """property: the same readings, also under another name, are refused with both paths."""
+    """property: the same readings, also a part or under another name, are refused by their paths;
+    two parts without a common reading are not.
+    """
     (tmp_path / "copy").mkdir()
     one, other = write(tmp_path / "log.csv", 0), tmp_path / "copy" / "log.csv"
     other.write_text(one.read_text() + "\n", encoding="utf-8")  # other bytes, other sha256
-    for logs in ((one, one), (one, write(tmp_path / "b.csv", 1), other)):
+    head, *rows = one.read_text().splitlines()
+    early, late, rest = (tmp_path / f"{k}.csv" for k in ("early", "late", "rest"))
+    for path, part in ((early, rows[:1600]), (late, rows[1500:]), (rest, rows[1600:])):
+        path.write_text("\n".join([head, *part]), encoding="utf-8")
+    pooled(capsys, tmp_path / "apart", early, rest)
+    for logs in (
+        (one, one),
+        (one, write(tmp_path / "b.csv", 1), other),
+        (early, late),
+        (late, one),
+    ):
         refusal = pooled(capsys, tmp_path / "model", *logs, status=2)
-        assert f"{logs[0]} and {logs[-1]} hold the same readings of gyro_x" in refusal
+        assert "hold the same readings of gyro_x" in refusal
+        assert all(str(log) in refusal for log in (logs[0], logs[-1]))
+
+
+def test_two_runs_do_not_write_into_one_folder(tmp_path, capsys):
+    """property: while one writes, the other is refused, whether the folder is there or not."""
+    logs, out = [write(tmp_path / f"{k}.csv", k) for k in range(2)], tmp_path / "model"
+    with pages.folder(out):
+        assert "model: another run writes there" in pooled(capsys, out, *logs, status=2)
+    with pages.folder(out) as draft:
+        (draft / "pooled.json").touch()
+        refused(WrongUsage, "another run writes there", pages.folder(out).__enter__)
+    pooled(capsys, out, *logs)
 
 
 @pytest.mark.parametrize("dead", [("b.csv",), ("a.csv", "b.csv")])

@@ -111,8 +111,7 @@ class Triad:
         T_c = 2 sigma_b^2 / K^2. Axes that only have a random walk count where no axis has more.
         """
         processes = [(a["sigma_b"], a["corr_time"]) for a in self.having(name)]
-        processes = [p for p in processes if p[1] < FOREVER] or processes
-        if not processes:
+        if not (processes := [p for p in processes if p[1] < FOREVER] or processes):
             return None
         sigma, time = np.array(processes).T
         power, walk = np.mean(sigma**2), np.mean(2 * sigma**2 / time)
@@ -385,8 +384,7 @@ def stand_in(channel, source, white):
         In SI; share of the curve's points that lie in the band. None where the process brings no
         more of them into the band than white noise alone, and where there is no curve.
     """
-    curve = channel.get("allan_line_removed") or channel.get("allan")
-    if not curve:
+    if not (curve := channel.get("allan_line_removed") or channel.get("allan")):
         return None
     factor, span = IN_SI[channel["unit"]], source["duration_s"]
     numbers = np.array([curve[k] for k in ("tau_s", "deviation", "low", "high")], dtype=float)

@@ -17,6 +17,7 @@ from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
 
 from analysis import Estimate, engineering, provenance, replacing, store, text, without_exponents
+from sensorlogs import WrongUsage
 
 TEMPLATES = Path(__file__).with_name("templates")
 
@@ -106,9 +107,17 @@ def folder(out, earlier=()):
     Path
         The folder to write into, empty.
 
+    Raises
+    ------
+    WrongUsage
+        If another run is writing there: files of the two would lie side by side.
     """
     with replacing(out) as draft:
         draft.mkdir()
+        home, mine = draft.parent.parent, draft.parent.name
+        for other in {p.name for p in home.glob(".*")} - {mine}:
+            if other.rsplit("-", 2)[0] == mine.rsplit("-", 2)[0]:  # then its process, and chance
+                raise WrongUsage(f"{out}: another run writes there; if it is gone, remove {other}")
         yield draft
         written = {path.relative_to(draft) for path in draft.rglob("*")}
     for path in set(earlier) - written:

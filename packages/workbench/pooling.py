@@ -1,6 +1,6 @@
 """What `pool` writes: one noise model from the logs of several units, as pooled.json."""
 
-from itertools import combinations
+from itertools import permutations
 
 import numpy as np
 from tqdm import tqdm
@@ -15,6 +15,7 @@ from workbench import pages
 from workbench.verdict import NAMES
 
 COMPARED, SAME_STEPS = 20_000, 0.9  # samples, and the correlation of their steps
+BEGIN, DISTINCT = 64, 8  # samples of a log, and values among them, that no other unit repeats
 SAME_RATE = 0.01  # relative difference of two sampling rates
 
 
@@ -139,8 +140,7 @@ def perhaps_one_unit(logs):
     -------
     list of str
     """
-    names = [c.name for c in logs[0].channels if c.kind == "rate"]
-    if not names:
+    if not (names := [c.name for c in logs[0].channels if c.kind == "rate"]):
         return []
     by_name = [{c.name: c for c in log.channels} for log in logs]
     biases = np.array([[np.nanmean(channels[n].values) for n in names] for channels in by_name])
@@ -156,15 +156,19 @@ def _refuse_same_readings(logs):
     """Refuse two logs of the same readings: they are one unit.
 
     Also under different names, and where another format or unit has rounded them: the steps from
-    sample to sample of two units do not correlate, their slow drifts may.
+    sample to sample of two units do not correlate, their slow drifts may. Nor may a log begin
+    anywhere within another: the readings that they share would count twice.
     """
-    for before, log in combinations(logs, 2):
+    for before, log in permutations(logs, 2):
         others = {c.name: c.values for c in before.channels}
-        for c in log.channels:
-            pair = c.values, others.get(c.name, c.values[:0])
+        for c in (c for c in log.channels if c.name in others):
+            pair = c.values, others[c.name]
             n = min(COMPARED, *map(len, pair))
             one, other = (np.nan_to_num(np.diff(values[:n])) for values in pair)
-            if one @ other > SAME_STEPS * np.linalg.norm(one) * np.linalg.norm(other):
+            same = one @ other > SAME_STEPS * np.linalg.norm(one) * np.linalg.norm(other)
+            begin, at = pair[0][:BEGIN], np.lib.stride_tricks.sliding_window_view(pair[1], BEGIN)
+            inside = (at[at[:, 0] == begin[0]] == begin).all(axis=1).any()
+            if same or (inside and len(np.unique(begin)) >= DISTINCT):
                 raise WrongUsage(
                     f"{before.given} and {log.given} hold the same readings of {c.name}; give the"
                     " log of each unit once"

@@ -73,8 +73,7 @@ def select(names):
     chosen = set() if names else set(paths)
     for name in names:
         stem = name.removesuffix(".ipynb").rsplit("/", 1)[-1]
-        found = {s for s in paths if stem in (s, s.split("-")[0])}
-        if not found:
+        if not (found := {s for s in paths if stem in (s, s.split("-")[0])}):
             raise WrongUsage(f"no notebook '{name}'; there are: {', '.join(sorted(paths))}")
         chosen |= found
     return [paths[stem] for stem in sorted(chosen, key=order)]
@@ -156,8 +155,7 @@ def _prepared(paths, parameters, own):
         notebook = nbformat.read(path, as_version=4)
         at, values = parameters_of(notebook)
         known |= values
-        taken = {name: value for name, value in parameters.items() if name in values}
-        if taken:
+        if taken := {name: value for name, value in parameters.items() if name in values}:
             source = "\n".join(f"{name} = {value!r}" for name, value in taken.items())
             notebook.cells.insert(at + 1, nbformat.v4.new_code_cell(source))
         mine = [n for n in OWN if n in values and ast.unparse(values[n]) not in ("None", "{}")]

@@ -201,8 +201,7 @@ def choose_part(result, atlas, wanted=None):
         words = re.findall(r"[a-z]+|\d+", key), re.findall(r"\w+", names[key])[1:]
         either = "|".join(map(r"[\W_]*".join, words))
         whole = re.compile(rf"(?<![^\W_])({either})(?![^\W_])", re.IGNORECASE)
-        where = next((w for w in ("title", "file") if whole.search(result.source[w])), None)
-        if where:
+        if where := next((w for w in ("title", "file") if whole.search(result.source[w])), None):
             return key, Said("part_in_name", {"where": where})
     return None, Said("no_part")
 
@@ -230,10 +229,9 @@ def within_datasheet(result, sheet, why):
         return Answer(Said("within"), "open", [[why]])
     outcomes, said = [], []
     for kind in LEADING:
-        channels = [c for c in result.channels if c.kind == kind]
-        row = sheet[sheet["kind"] == kind]
-        if not channels:
+        if not (channels := [c for c in result.channels if c.kind == kind]):
             continue
+        row = sheet[sheet["kind"] == kind]
         for column, key in zip("nb", LEADING[kind], strict=True):
             about = {"kind": kind, "symbol": SYMBOLS[key]}
             if row.empty or not row[column].notna().all():
@@ -331,8 +329,7 @@ def summary(result):
     """
     groups = []
     for kind in KINDS:
-        channels = [c for c in result.channels if c.kind == kind]
-        if not channels:
+        if not (channels := [c for c in result.channels if c.kind == kind]):
             continue
         keys = [k for k in channels[0].parameters if kind not in LEADING or k in IN_SUMMARY]
         columns = {PARAMETERS[k]["column"]: [c.parameters[k] for c in channels] for k in keys}
@@ -369,8 +366,7 @@ def placed(model, atlas):
         None if there is none with an N and a B, or bounds of both.
     """
     rows = datasheets.of_log(model, name="this log", basis="this log")
-    rows = [r for r in rows if all(r[s] or r[f"{s}_high"] for s in "nb")]
-    if not rows:
+    if not (rows := [r for r in rows if all(r[s] or r[f"{s}_high"] for s in "nb")]):
         return None
     own = pd.DataFrame(rows).dropna(axis=1, how="all")  # pandas 2 warns of a column without numbers
     return pd.concat([atlas, own], ignore_index=True)
