@@ -233,11 +233,13 @@ def test_it_is_read_in_one_sitting():
 
 
 def test_the_readme_tells_the_counts_of_reliability():
-    """cross-check: how many were tried and failed, and with which command."""
+    """cross-check: how many were tried and failed, and with which command; each test exists."""
     readme, kept = (ROOT / "README.md").read_text(), pd.read_csv(ROOT / "tests/reliability.csv")
     mutants = pd.read_csv(ROOT / "tests/mutants.csv").fillna("")
     unlike = mutants[~mutants["reason"].str.startswith("equivalent")]
     unnoticed = (unlike["killed_by"] == "").sum()
+    named = re.findall(r"(test_\w+\.py)::(\w+)", " ".join(mutants["killed_by"]))
+    assert all(f"def {test}(" in (ROOT / "tests" / file).read_text() for file, test in named)
     kept.loc[len(kept)] = "mutants", len(unlike), unnoticed, "make test-mutants"
     rows, numbers = constants.stored(), constants.known()  # of each as it is now
     assert [key[:4] for key in rows] == [n for n in numbers for _ in constants.FACTORS]
