@@ -216,6 +216,8 @@ def test_deciding_factors_are_found_and_others_have_no_share():
     assert share.loc["terrain-a"].drop("noise").abs().max() < 0.05
     # A share of nothing scatters by about sqrt(2 (levels - 1)) / interpretations.
     assert share.loc["terrain-b"].abs().max() < 0.03
+    # By hand: of squares of 8 in all 4 lie between two pairs, and 2 a degree within them.
+    assert open_choices._between(np.array([0.0, 2.0, 2.0, 4.0]), pd.Series([*"aabb"])) == 0.25
 
 
 def test_joint_ranking_and_shares_count_what_holds():
