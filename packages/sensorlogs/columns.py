@@ -500,8 +500,7 @@ def given_units(unit: str | None, kind: str | None = None) -> dict[str | None, s
     """Spell the units given for each kind as the table does; refuse those that are not in it."""
     units = per_kind(unit, "unit")
     for its, text in units.items():
-        spelled = unit_of(text) or (text if kind else None)
-        if not spelled:
+        if not (spelled := unit_of(text) or (text if kind else None)):
             known = ", ".join(KIND_OF_UNIT)
             raise WrongUsage(f"--unit {text} is not one of {known}; with --kind any is taken")
         stated = its or kind

@@ -58,8 +58,7 @@ def sniff(path: Path) -> Layout:
     """Find delimiter, decimal mark, encoding, header and text columns from the first lines."""
     lines, encoding = _head(path)
     comments = [i for i, line in enumerate(lines) if _COMMENT.match(line)]
-    rows = [i for i, line in enumerate(lines) if line.strip() and i not in comments]
-    if not rows:
+    if not (rows := [i for i, line in enumerate(lines) if line.strip() and i not in comments]):
         raise CannotAnswer(f"{path.name}: no data: line 1 to the end are empty or comments")
     delimiter = _delimiter([lines[i] for i in rows[-HEAD_LINES:]])
     fields = {i: _split(lines[i], delimiter) for i in rows}

@@ -189,8 +189,7 @@ def of_table(table: Table, name: str | None = None, unit: str | None = None) -> 
     """
     if table.stamps and name in (None, "t_s"):
         return "t_s", table.stamps
-    name = name or time_column(table.frame)
-    if name is None:
+    if (name := name or time_column(table.frame)) is None:
         numbers = table.frame.select_dtypes("number")
         rising = [n for n in numbers if len(numbers) > 2 and (numbers[n].diff()[1:] > 0).all()]
         hints = [f" (column '{n}' only ever rises: --time {shlex.quote(n)}?)" for n in rising]

@@ -272,8 +272,7 @@ def sort_triads(model, *, strict=False):
     triads = {}
     for kind, axes in groups.items():
         names = [axis["channel"] for axis in axes]
-        letters = _letters(names)
-        if letters is None:
+        if (letters := _letters(names)) is None:
             left_out.append(
                 f"{len(axes)} {kind} channels ({', '.join(names)}) are not one triad x, y, z;"
                 " report one sensor at a time with --columns"

@@ -166,9 +166,10 @@ def _refuse_same_readings(logs):
             n = min(COMPARED, *map(len, pair))
             one, other = (np.nan_to_num(np.diff(values[:n])) for values in pair)
             same = one @ other > SAME_STEPS * np.linalg.norm(one) * np.linalg.norm(other)
-            begin, at = pair[0][:BEGIN], np.lib.stride_tricks.sliding_window_view(pair[1], BEGIN)
-            inside = (at[at[:, 0] == begin[0]] == begin).all(axis=1).any()
-            if same or (inside and len(np.unique(begin)) >= DISTINCT):
+            begin, at = pair[0][:BEGIN], np.arange(len(pair[1]) - BEGIN + 1)
+            for k, value in enumerate(begin):  # few places are left after the first of them
+                at = at[pair[1][at + k] == value]
+            if same or (len(at) and len(np.unique(begin)) >= DISTINCT):
                 raise WrongUsage(
                     f"{before.given} and {log.given} hold the same readings of {c.name}; give the"
                     " log of each unit once"
