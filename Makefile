@@ -66,7 +66,7 @@ test-device: $(READY)
 	$(BIN)/python -m pytest tests/device
 
 # The findings of simulated laps and stops again, with all studies behind them: prints
-# what was and what is. About half an hour on two cores, and the raw logs (COMPENDIUM_DATA).
+# what was and what is. Three quarters of an hour on two cores, and the raw logs (COMPENDIUM_DATA).
 SEED ?= 7
 AGAIN = "$(CURDIR)/scratch/findings-$(SEED)"
 OTHER = COMPENDIUM_SEED=$(SEED) COMPENDIUM_DERIVED=$(AGAIN)/derived $(BIN)/python -m analysis

@@ -142,8 +142,7 @@ def compiled_filter(samples=4001, runs=64, cells=25):
     yield Measured("a step in compiled code (numba)", per_step * ours, "ns")
     difference = float(np.abs(laps.error - whole.error).max())
     yield Measured("largest difference of the two", difference, "m", "<= 1e-9")
-    compiler = shutil.which("cc")
-    if compiler is None:
+    if (compiler := shutil.which("cc")) is None:
         yield Measured("no C compiler (cc) here")
         return
     x, P = np.full((runs, cells), truth[0]), np.full((runs, cells), setup.begin_sd**2)

@@ -500,8 +500,7 @@ def run(
     """
     if runs or hours or names:
         planned = [(name, h, runs or 500) for h in hours or lengths for name in names or known]
-    unknown = [name for name, _, _ in planned if name not in known]
-    if unknown:
+    if unknown := [name for name, _, _ in planned if name not in known]:
         raise WrongUsage(f"no model '{unknown[0]}'; there are: {', '.join(known)}")
     cells = {}
     for name, h, n in planned:
