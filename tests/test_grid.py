@@ -70,6 +70,13 @@ def test_jitter_hides_no_gap_of_samples(lost, jitter):
     np.testing.assert_array_equal(found.index, ROW[~lost])
 
 
+def test_a_rate_that_changes_within_a_log_moves_no_gap():
+    """Analytic: a tenth faster from the middle on, one sample in a hundred lost: only they are."""
+    lost = ROW % 100 == 50
+    found = grid(np.where(ROW < 6000, ROW / 100, 60 + (ROW - 6000) / 110)[~lost])
+    np.testing.assert_array_equal(found.index, ROW[~lost])
+
+
 def test_steps_of_two_ticks_in_turn_are_gaps_or_a_rounded_rate():
     """Analytic: 990 Hz in whole ms, and 1 kHz less each hundredth sample, have the same stamps."""
     thinned = np.flatnonzero(ROW % 100 < 99) / 1000
@@ -184,6 +191,7 @@ def test_a_unit_that_the_numbers_contradict_is_asked_for_or_said():
         refused(WrongUsage, "--time-unit d", times.stamps, "time", days)
     assert "at 1.01e+05 Hz: if it is in seconds, say" in times.stamps("t_ms", FINE).notes[0]
     assert times.stamps("t_us", 1e3 * FINE).notes == ()  # whole: a board at 100 kHz
+    assert times.stamps("time", 1e6 + FINE / 40).since_s[-1] == pytest.approx(FINE[-1] / 40)
     assert times.stamps("t_ms", FINE, "ms").notes == ()
 
 
@@ -252,5 +260,6 @@ def test_a_date_in_digits_may_be_a_number():
     assert stamps.zero_s == start.timestamp() and stamps.clock == times.UNIX
     counter = times.stamps("time", 20240131000000 + 1e7 * np.arange(99), "ns")
     assert counter.since_s[-1] == pytest.approx(0.98)
+    refused(WrongUsage, "--time-unit us", times.stamps, "time", 20240131000000 + 1e4 * ROW[:99])
     refused(times.BadStamps, "no time stamp", times.stamps, "time", np.array([]))
     refused(times.BadStamps, "no time stamp", times.stamps, "time", np.array([np.nan]))

@@ -65,7 +65,7 @@ SPELLINGS = {
     "comments": lambda s: "# a logger\n# of ours\n" + s + "# the end\n",
     "names in a comment": lambda s: "#" + s,
     "comments among the rows": lambda s: s.replace("\n0.5", "\n# a, b\n %c\n// d\n0.5").replace(
-        "\n1.0", "  # touched, sorry\n1.0", 1),
+        "\n1.0", "  # touched, sorry\n1.0", 1).replace("\n1.5", "# let go\n1.5", 1),
     "a mark in a cell": lambda s: re.sub("(?m)^([^,]*),", r"\1,#1,", s),
     "no unit for one": lambda s: s.replace("\n", ",7\n").replace(
         f"{HEADER},7", "t,gyro_x,gyro_y,n\ns,deg/s,deg/s,-"),
@@ -227,6 +227,13 @@ def test_a_label_of_one_sensor_is_no_sensor_of_its_own(tmp_path, label):
             for k, line in enumerate(lines())]  # fmt: skip
     log = read(tmp_path, rows, "t_s,sensor_state,gyro_x_deg_s")
     assert (log.samples, log.gaps, log.rate_hz) == (200, 0, pytest.approx(10))
+
+
+def test_rows_are_not_grouped_by_a_text_of_their_own(tmp_path, monkeypatch):
+    """Property: of three million such groups, the search for sensors would take 20 s and 1 GB."""
+    monkeypatch.setattr(pd.DataFrame, "groupby", None)
+    rows = [f"{k + 0.4 * (k % 2)},m{k},{np.sin(k)}" for k in range(200)]
+    assert read(tmp_path, rows, "t_s,sensor,gyro_x_deg_s").samples == 200
 
 
 def test_a_name_that_stands_twice_is_stated(tmp_path):

@@ -34,7 +34,7 @@ CLOCK = re.compile(NAMES["cells"]["clock"] + "|" + COMPACT)
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _NEWLINE = re.compile(r"\r\n|\n|\r")
 _COMMENT = re.compile(r"\s*([#%](?!(N/A|[A-Z/0]+[!?])\s*[,;\t|])|//)")  # a line, not of #DIV/0!
-_REMARK = re.compile(r"(?<![^\s,;|])[#%].*")  # behind a row; within one, it is of a cell
+_REMARK = re.compile(r"((?<![^\s,;|])[#%]|(?<=\d)#(?=\s)).*")  # within a cell it is the cell's
 _LINE_ENDS = (b"\n", b"\r", b"\x00")
 CUT_OFF = "the last line is cut off and was dropped"
 TAIL_BYTES = 1 << 13
@@ -299,8 +299,7 @@ def read_table(path: Path) -> Table:
     check_size(path, size * len(head) // (len("\n".join(head)) + 1), len(layout.names), "about ")
     skipped = [*range(layout.header_lines)]
     with open_bytes(path) as raw:  # most files have no mark below the header, which is soon seen
-        for _ in skipped:
-            raw.readline()
+        raw.seek(sum(len(raw.readline()) for _ in skipped))
         blocks = iter(lambda: raw.read(HEAD_BYTES), b"")
         if any(mark in block for block in blocks for mark in (b"#", b"%", b"//")):
             skipped += [number - 1 for number, _ in data_lines(path, layout, comments=True)]

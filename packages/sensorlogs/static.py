@@ -270,7 +270,9 @@ def _placed(table, option):
     now = frame.iloc[same]
     before = frame.iloc[same - 1].set_axis(now.index)
     tags = [n for n in frame if n != time and (frame[n].dtype.kind != "f" or "sensor" in n.lower())]
-    for name in tags if tags and _uneven(at) > 0.5 else ():
+    # To group rows by a counter, or by a text of its own each, takes long.
+    few = (n for n in tags if frame[n].head(9999).nunique() < 99)
+    for name in few if tags and _uneven(at) > 0.5 else ():
         each = [at[rows] for rows in frame.groupby(name).indices.values()]
         throughout = len(each) > 1 and min(map(np.ptp, each)) > np.ptp(at) / 2
         if throughout and _uneven(at) > 2 * max(map(_uneven, each)):

@@ -152,7 +152,7 @@ def stamps(name: str, column: np.ndarray, unit: str | None = None) -> Stamps:
         if 0 < step < FAST and (good % 1 > 0).any():
             said = f"by its name at {1 / step:.3g} Hz: if it is in seconds, say --time-unit s"
             notes += (f"time column '{name}' {said}",)
-    if unit is None and CLOCK.match(f"{good[0]:.0f}"):  # 20240131235959
+    if unit is None and all(CLOCK.match(f"{date:.0f}") for date in good[:99]):  # 20240131235959
         return _from_text(name, pd.Series(t).map("{:.3f}".format, na_action="ignore"), unit)
     if unit is None and (day := _of_digits(t)) is not None:
         zero, said = float(day[np.isfinite(day)][0]), "clock time hhmmss (--time-unit overrules)"
@@ -234,7 +234,8 @@ def _from_text(name: str, column: np.ndarray, unit: str | None) -> Stamps:
         clock, read_as = UNIX, "date and time"
         # pandas warns when it cannot guess one common format
         with warnings.catch_warnings(action="ignore", category=UserWarning):
-            iso = texts.str.replace(COMPACT, r"\1T\2.\g<3>0", regex=True)
+            compact = texts.head(99).str.match(COMPACT).any()  # of all, it would take long
+            iso = texts.str.replace(COMPACT, r"\1T\2.\g<3>0", regex=True) if compact else texts
             read = functools.partial(pd.to_datetime, iso, errors="coerce", utc=True)
             dates = read(format="ISO8601")
             if dates.isna().mean() > 0.5:  # the day or the month first: what takes less time
@@ -249,8 +250,7 @@ def _from_text(name: str, column: np.ndarray, unit: str | None) -> Stamps:
         start = first.timestamp() if first == first else 0.0
     unread = np.isnan(t) & texts.notna().to_numpy() & (cells != "").to_numpy()
     if unread.any() or not np.isfinite(t).any():
-        row = int(np.argmax(unread))
-        text = printable(str(column[row]))
+        text = printable(str(column[row := int(np.argmax(unread))]))
         raise BadStamps(row, f"'{text}' is not a time; correct or delete that line")
     zero = float(t[np.isfinite(t)][0])
     return Stamps(t - zero, start + zero, clock, (f"time column '{name}' read as {read_as}",))
@@ -287,7 +287,7 @@ def _unit_from_numbers(name, t) -> tuple[str, str]:
             return unit, " since 1970"
     step = np.diff(t)
     step = float(np.median(step[step > 0])) if (step > 0).any() else np.nan
-    if step >= 5 or step < (5e-4 if t[0] > 1e4 else 1.2e-5):
+    if step >= 5 or step < (5e-4 if 3e4 < t[0] < 8e5 else 1.2e-5):
         # Below 1: dates and durations of MATLAB and of spreadsheets.
         likely = "d" if step < 1 else "ms" if step < 1000 else "us" if step < 1e6 else "ns"
         raise WrongUsage(
@@ -462,7 +462,7 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
     if coarse:
         rate, missing = _coarse(t, rows, repairs)
     elif mode == "auto" and (near.mean() >= REGULAR_SHARE or _on_ticks(step / usual)):
-        rate, missing = _regular(t, step, float(step.mean(where=near)), repairs)
+        rate, missing = _regular(step, near, repairs)
     elif mode == "stamps":
         return _interpolated(t, rows, step, mean, repairs)
     else:
@@ -470,10 +470,8 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
     size = len(rows) + int(missing.sum())
     if missing.any():
         before = int(np.argmax(missing))
-        gaps = (
-            f"{counted(np.count_nonzero(missing), 'gap')}: {missing.sum():,} of {size:,} samples "
-            f"missing, the longest {step[before]:.4g} s"
-        )
+        lost = f"{missing.sum():,} of {size:,} samples missing, the longest {step[before]:.4g} s"
+        gaps = f"{counted(np.count_nonzero(missing), 'gap')}: {lost}"
         if missing.sum() > MISSING_ALLOWED * size:
             much = f"more than {MISSING_ALLOWED:.0%} is too much: take a part with --from and --to"
             raise BadStamps(int(rows[before + 1]), f"{gaps}, before here; {much}")
@@ -519,20 +517,23 @@ def _without_repeats(rows, same, repeated, repairs) -> tuple[np.ndarray, bool]:
     return rows[~same], False
 
 
-def _regular(t, step, dt, repairs) -> tuple[float, np.ndarray]:
+def _regular(step, near, repairs) -> tuple[float, np.ndarray]:
     """Place regular stamps: one sample a step, except over gaps.
 
     A logger that stalls and then catches up loses no sample: a long step with short ones right
     after it is no gap if the whole stretch has as many rows as expected.
     """
-    long = step > GAP * dt
+    long = step > GAP * (dt := float(step.mean(where=near)))
     at = np.flatnonzero(long)
     last = np.r_[at[1:], len(step)]  # rows before the next long step
-    lost = np.minimum(np.round(step[at] / dt) - 1, LOOKAHEAD)
+    # The rate may change within the log: by 5 % is half a step over `LEVEL` samples.
+    own = pd.Series(step).where(near).rolling(4 * LOOKAHEAD, LEVEL, center=True).mean()
+    own = np.where((step > LOOKAHEAD * dt) | own.isna(), dt, own)
+    lost = np.minimum(np.round(step[at] / own[at]) - 1, LOOKAHEAD)
     after = at + 1 + np.minimum(lost, last - at - 1).astype(np.int64)
     first = np.maximum(np.r_[0, after[:-1]], at + 1 - LEVEL)
     last = np.minimum(last + 1, after + LEVEL)
-    late = np.r_[0.0, np.cumsum((t - t[0]) / dt - np.arange(len(t)))]  # in steps, summed
+    late = np.cumsum(np.cumsum(np.r_[0.0, 0.0, step / own - 1]))  # in steps, summed
     before = (late[at + 1] - late[first]) / (at + 1 - first)
     level = (late[last] - late[after]) / (last - after)
     missing = np.zeros(len(step), dtype=np.int64)
@@ -545,7 +546,7 @@ def _regular(t, step, dt, repairs) -> tuple[float, np.ndarray]:
         )
     if late := len(at) - np.count_nonzero(missing):
         repairs.append(f"{counted(late, 'sample')} stamped late but none lost: placed by count")
-    return float((len(step) + missing.sum()) / (t[-1] - t[0])), missing
+    return float((missing + 1).sum() / step.sum()), missing
 
 
 def _coarse(t, rows, repairs) -> tuple[float, np.ndarray]:
