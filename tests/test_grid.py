@@ -174,6 +174,7 @@ FINE = np.arange(100) / 100
     ("time_s", 1.7e12 + 1e3 * FINE, "read as milliseconds since 1970"),  # whatever its name says
     ("time_ms", 1.7e15 + 1e6 * FINE, "read as microseconds since 1970"),
     ("t_s", (86399.5 + FINE) % 86400, "overflowed at 86400,"), ("iTOW", 1e3 * FINE, None),
+    ("iTOW", 345600 + FINE, "read as seconds"), ("iTOW", 3456e5 + 1e3 * FINE, None),
     ("t_s", (4294.5 + FINE) % (2**32 / 1e6), "overflowed at 4295,"),  # of micros() / 1e6
 ])  # fmt: skip
 def test_units_of_time(name, column, said):

@@ -342,8 +342,7 @@ def _choices(table, time, option):
         said = columns.recognise(name)
         if name in wanted or (not wanted and said.kind in ("rate", "accel") and not said.other):
             wrong = pd.to_numeric(frame[name], errors="coerce").isna() & frame[name].notna()
-            row = int(np.argmax(wrong))
-            cell = printable(str(frame[name].iloc[row]))
+            cell = printable(str(frame[name].iloc[row := int(np.argmax(wrong))]))
             raise CannotAnswer(
                 f"{table.place(row, name)}: '{cell}' is not a number; correct it, or say --columns"
             )

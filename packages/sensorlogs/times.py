@@ -145,10 +145,11 @@ def stamps(name: str, column: np.ndarray, unit: str | None = None) -> Stamps:
         raise BadStamps(0, "no time stamp in this column; name another with --time, or give --rate")
     if unit is not None and unit not in SCALES:
         raise WrongUsage(f"--time-unit {unit} is not one of {', '.join(SCALES)}")
-    own = unit_of(name)
+    step = (good[-1] - good[0]) / len(good)  # of iTOW in s it is short, and a week has 604800 s
+    own = None if step < 5 and good.max() < 6e5 and re.search("(?i)itow$", name) else unit_of(name)
     # After the year 2286 the numbers are a date in another unit than that of the name.
     if unit is None and own and (own not in _UNIX or good[0] * SCALES[own] < _UNIX["s"][1]):
-        unit, step = own, (good[-1] - good[0]) / len(good) * SCALES[own]
+        unit, step = own, step * SCALES[own]
         if 0 < step < FAST and (good % 1 > 0).any():
             said = f"by its name at {1 / step:.3g} Hz: if it is in seconds, say --time-unit s"
             notes += (f"time column '{name}' {said}",)
