@@ -471,8 +471,8 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
     size = len(rows) + int(missing.sum())
     if missing.any():
         before = int(np.argmax(missing))
-        lost = f"{missing.sum():,} of {size:,} samples missing, the longest {step[before]:.4g} s"
-        gaps = f"{counted(np.count_nonzero(missing), 'gap')}: {lost}"
+        what = f"{missing.sum():,} of {size:,} samples missing, the longest {step[before]:.4g} s"
+        gaps = f"{counted(np.count_nonzero(missing), 'gap')}: {what}"
         if missing.sum() > MISSING_ALLOWED * size:
             much = f"more than {MISSING_ALLOWED:.0%} is too much: take a part with --from and --to"
             raise BadStamps(int(rows[before + 1]), f"{gaps}, before here; {much}")
