@@ -301,7 +301,8 @@ def read_table(path: Path) -> Table:
     with open_bytes(path) as raw:  # most files have no mark below the header, which is soon seen
         raw.seek(sum(len(raw.readline()) for _ in skipped))
         blocks = iter(lambda: raw.read(HEAD_BYTES), b"")
-        if any(mark in block for block in blocks for mark in (b"#", b"%", b"//")):
+        # A single byte is sought five times as fast as two.
+        if any(b"#" in b or b"%" in b or (b"/" in b and b"//" in b) for b in blocks):
             skipped += [number - 1 for number, _ in data_lines(path, layout, comments=True)]
     is_cut = _is_cut_off(path, layout)
     try:
@@ -417,8 +418,7 @@ def _without_empty_end(table: Table, layout: Layout) -> Table:
     frame = table.frame
     ends = [frame[name].last_valid_index() for name in frame]
     nameless = [n for n, e in zip(frame, ends, strict=True) if e is None and re.match(r"c\d+$", n)]
-    keep = 1 + max((end for end in ends if end is not None), default=-1)
-    if not keep:
+    if not (keep := 1 + max((end for end in ends if end is not None), default=-1)):
         raise CannotAnswer(f"{table.file}: no value from line {layout.header_lines + 1} on")
     repairs = table.repairs
     if keep < len(frame):

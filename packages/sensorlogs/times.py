@@ -526,19 +526,20 @@ def _regular(step, near, repairs) -> tuple[float, np.ndarray]:
     """
     long = step > GAP * (dt := float(step.mean(where=near)))
     at = np.flatnonzero(long)
-    last = np.r_[at[1:], len(step)]  # rows before the next long step
-    # The rate may change within the log: by 5 % is half a step over `LEVEL` samples.
-    own = pd.Series(step).where(near).rolling(4 * LOOKAHEAD, LEVEL, center=True).mean()
-    own = np.where((step > LOOKAHEAD * dt) | own.isna(), dt, own)
-    lost = np.minimum(np.round(step[at] / own[at]) - 1, LOOKAHEAD)
-    after = at + 1 + np.minimum(lost, last - at - 1).astype(np.int64)
-    first = np.maximum(np.r_[0, after[:-1]], at + 1 - LEVEL)
-    last = np.minimum(last + 1, after + LEVEL)
-    late = np.cumsum(np.cumsum(np.r_[0.0, 0.0, step / own - 1]))  # in steps, summed
-    before = (late[at + 1] - late[first]) / (at + 1 - first)
-    level = (late[last] - late[after]) / (last - after)
     missing = np.zeros(len(step), dtype=np.int64)
-    missing[at] = np.maximum(np.round(level - before), 0)
+    if len(at):  # else a long log is not gone through again
+        last = np.r_[at[1:], len(step)]  # rows before the next long step
+        # The rate may change within the log: by 5 % is half a step over `LEVEL` samples.
+        own = pd.Series(step).where(near).rolling(4 * LOOKAHEAD, LEVEL, center=True).mean()
+        own = np.where((step > LOOKAHEAD * dt) | own.isna(), dt, own)
+        lost = np.minimum(np.round(step[at] / own[at]) - 1, LOOKAHEAD)
+        after = at + 1 + np.minimum(lost, last - at - 1).astype(np.int64)
+        first = np.maximum(np.r_[0, after[:-1]], at + 1 - LEVEL)
+        last = np.minimum(last + 1, after + LEVEL)
+        late = np.cumsum(np.cumsum(np.r_[0.0, 0.0, step / own - 1]))  # in steps, summed
+        before = (late[at + 1] - late[first]) / (at + 1 - first)
+        level = (late[last] - late[after]) / (last - after)
+        missing[at] = np.maximum(np.round(level - before), 0)
     jitter = max(step.max(where=~long, initial=0.0) / dt - 1, 1 - float(step.min()) / dt)
     if jitter > 0.1:
         repairs.append(
