@@ -284,10 +284,10 @@ def contents(
         with contextlib.suppress(CannotAnswer, WrongUsage):
             since = times.of_table(table)[1].since_s
             since = since[np.isfinite(since)]
-            span, steps = float(np.ptp(since)), np.diff(since)
-            near = steps[steps < 2 * np.median(steps)] if span > 0 else steps  # without the gaps
-            rate = len(near) / near.sum() if near.sum() > 0 else (rows - 1) / max(span, 1e-9)
-            title += f", {span:.6g} s, {rate:.6g} Hz" if span > 0 else ""
+            title += f", {np.ptp(since):.6g} s" if np.ptp(since) > 0 else ""
+            with contextlib.suppress(times.BadStamps):
+                rate = times.by_stamps(since, np.zeros(len(since), dtype=bool)).rate_hz
+                title += f", {rate:.6g} Hz"
         listing.append((title, told))
     return listing, errors
 
