@@ -353,6 +353,22 @@ def test_two_processes_have_a_stand_in():
         assert gyroscope(log | {"channels": [channel]}, strict=True).axes["x"]["stands_in"] == []
 
 
+def test_a_filter_is_no_slow_noise():
+    """property: white noise behind a low-pass, a bias of 0.2 s, is given as its plateau, once."""
+    log, white = stored.read_model("mpu6050-gyro"), 0.01
+    channel, tau = log["channels"][0], np.geomspace(0.1, 30.0, 20)
+    for name, value in {"arw": None, "sigma_b": white / np.sqrt(0.4), "corr_time": 0.2}.items():
+        channel["parameters"][name] |= {"value": value, "low": value, "high": value}
+        channel["parameters"][name] |= {"resolved": value is not None}
+    adev = white / np.sqrt(tau)
+    curve = {"tau_s": tau, "deviation": adev, "low": 0.9 * adev, "high": 1.1 * adev}
+    channel["allan_line_removed"] = {key: list(values) for key, values in curve.items()}
+    axis = gyroscope(log | {"channels": [channel]}).axes["x"]
+    assert axis["stands_in"] == ["N", "slow"] and axis["in_band"] == 1.0
+    at_1_s = UnifiedModel(axis["N"] * 10, axis["corr_time"], axis["sigma_b"]).adev(1.0, 0.01)
+    assert at_1_s == pytest.approx(np.radians(white), rel=0.1)
+
+
 def test_a_stand_in_counts_where_no_axis_resolves_more():
     """property: one number a triad is of the axes that resolve their slow noise."""
     x = {"N": 1.0, "walk": 5.0, "sigma_b": 5.0, "corr_time": 2.0, "stands_in": ["slow"]}

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import chi2, norm
+from scipy.stats import beta, chi2
 
 from analysis import Estimate
 from analysis.noise import graph
@@ -12,10 +12,6 @@ from analysis.noise.over_models import lowest
 
 Q = (np.arange(20_000) + 0.5) / 20_000  # evenly spread probabilities
 X = np.geomspace(0.1, 1000.0, 200)
-# Where a unit normal and the uniform distribution of the same deviation are furthest apart: their
-# densities are equal there.
-FURTHEST = np.sqrt(2 * np.log(np.sqrt(6 / np.pi)))
-GAP = norm.cdf(FURTHEST) - (FURTHEST + np.sqrt(3)) / (2 * np.sqrt(3))
 
 
 @pytest.mark.parametrize("power", [-1.0, -0.5, 0.0, 0.5])
@@ -26,17 +22,14 @@ def test_slope_of_a_power_law(power):
         assert found == pytest.approx(power, abs=1e-12)  # least squares in double precision
 
 
-def test_distance_to_itself_is_nil():
-    """Analytic: the quantiles of a shape are next to it and GAP from the other, in any unit."""
-    gaussian, uniform = norm(3.0, 0.2).ppf(Q), 5.0 + 7.0 * Q
-    # 1e-3: 20,000 quantiles have a deviation that is a little short, most of all in the tails
-    assert graph.distances(gaussian) == pytest.approx((0.0, GAP), abs=1e-3)
-    other = np.concatenate([[np.nan], -3.0 + 1e4 * uniform[::-1], [np.nan]])
-    assert graph.distances(other) == pytest.approx((GAP, 0.0), abs=1e-3)
-    assert graph.nearer_to_gaussian(gaussian) and not graph.nearer_to_gaussian(uniform)
+def test_a_distribution_is_between_gaussian_and_uniform():
+    """analytic: the distances of the symmetric beta distribution are equal at 1.82, in any unit."""
+    for shape, gaussian in ((1.0, False), (1.77, False), (1.87, True), (30.0, True)):
+        y = np.concatenate([[np.nan], 1e4 - 3.0 * beta(shape, shape).ppf(Q), [np.nan]])
+        assert graph.nearer_to_gaussian(y) == gaussian
 
 
-def test_white_noise_is_read_where_the_slope_is():
+def test_white_noise_is_read_where_the_slope_is(monkeypatch):
     """known case: N of 2 up to 10 s, with the interval of the best known point; none, its bound.
 
     A slope has to hold over 0.3 decades; the points next to a corner have another one.
@@ -58,9 +51,11 @@ def test_white_noise_is_read_where_the_slope_is():
         np.testing.assert_allclose(graph.slopes(curve), expected, atol=1e-9)
     assert np.isnan(graph.slopes(AllanCurve(*[tau[:2]] * 5))).all()
     curve = AllanCurve(*[10 ** np.array([0.0, 0.1, 0.2, 0.31, 1.0, 2.0, 2.29])] * 5)
-    for good, run in (("TTTT..T", [0, 1, 2, 3]), ("TTT..TT", None), ("TTT.TTT", [4, 5, 6])):
-        found = graph._longest_run(curve, np.array([*good]) == "T")
-        assert run == (None if found is None else found.tolist())
+    for good, span in (("TTTT..T", "1 to 2.04 s"), ("TTT..TT", ""), ("TTT.TTT", "10 to 195 s")):
+        slope = -0.5 * (np.array([*good]) == "T")
+        monkeypatch.setattr(graph, "slopes", lambda _, slope=slope: slope)
+        note = graph.white_noise(curve, "deg/s").note
+        assert note == (f"slope -1/2 from {span}" if span else said("no_slope"))
 
 
 def test_a_floor_beside_its_curve():

@@ -436,10 +436,19 @@ def test_a_richer_model_is_never_worse(seed):
     assert richer.aic == pytest.approx(2 * 4 - 2 * richer.log_likelihood, abs=1e-3)
 
 
-def test_white_noise_behind_a_first_order_low_pass_is_its_plateau():
-    """analytic: sigma_v of the unfiltered noise, where the filtered one is a Gauss-Markov bias."""
-    n, dt, keep = 60_000, 0.1, np.exp(-0.1 / 0.8)
+@pytest.mark.parametrize("n", [60_000, 12_000])
+def test_white_noise_behind_a_first_order_low_pass_is_its_plateau(n):
+    """analytic: sigma_v of the unfiltered noise, where the filtered one is a Gauss-Markov bias.
+
+    Where the log is too short to average over the filter, the upper bound of N holds the plateau.
+    """
+    dt, keep, long = 0.1, np.exp(-0.1 / 0.8), n == 60_000
     y = lfilter([1 - keep], [1, -keep], 0.06 * np.random.default_rng(3).standard_normal(n))
-    found = infer(y, dt, "deg/s", "rate", np.random.default_rng(4))
-    e, bias = found.parameters["sigma_v"], found.parameters["sigma_b"]
-    assert e.resolved and e.low < 0.06 < e.high < 1.25 * e.low and not bias.resolved
+    rate, angle = (
+        infer(y, dt, unit, kind, np.random.default_rng(4)).parameters
+        for unit, kind in (("deg/s", "rate"), ("deg", "angle"))
+    )
+    e = rate["sigma_v"]
+    assert e.resolved == long != rate["sigma_b"].resolved and 0.06 < e.high < 0.075
+    assert 0.06 < 1.25 * e.low < 0.075 if long else e.low is None
+    assert angle["sigma_v"].high < 0.03  # the noise of one sample, not N

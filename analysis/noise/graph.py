@@ -58,10 +58,12 @@ def white_noise(curve: AllanCurve, unit: str) -> Estimate:
     Estimate, U sqrt(s)
     """
     out = random_walk_unit(unit)
-    run = _longest_run(curve, np.abs(slopes(curve) + 0.5) < TOLERANCE)
-    if run is None:
+    runs = [np.arange(*ends) for ends in runs_of(np.abs(slopes(curve) + 0.5) < TOLERANCE)]
+    spans = [np.log10(curve.tau[r[-1]] / curve.tau[r[0]]) for r in runs]
+    if max(spans, default=0.0) < SPAN:
         most = float(np.min(steady(curve)[1] * np.sqrt(curve.tau))) if len(curve.tau) else None
         return Estimate.refused(out, said("no_slope"), high=most)
+    run = runs[int(np.argmax(spans))]  # the longest
     root = np.sqrt(curve.tau[run])
     weight = curve.edf[run]
     value = float(np.exp(np.average(np.log(curve.adev[run] * root), weights=weight)))
@@ -144,13 +146,6 @@ def wandering(
     return replace(estimate, low=low, high=high, note=note)
 
 
-def _longest_run(curve, good):
-    """Return the indices of the longest stretch (in log tau) where `good` holds for SPAN."""
-    runs = [np.arange(*ends) for ends in runs_of(good)]
-    spans = [np.log10(curve.tau[r[-1]] / curve.tau[r[0]]) for r in runs]
-    return runs[int(np.argmax(spans))] if spans and max(spans) >= SPAN else None
-
-
 def loglog_slope(x: np.ndarray, y: np.ndarray, low: float, high: float) -> float:
     """Slope of log y against log x, both of shape (n,), for low <= x <= high, by least squares."""
     inside = (x >= low) & (x <= high)
@@ -170,17 +165,7 @@ def nearer_to_gaussian(y: np.ndarray) -> bool:
     bool
         True if the Gaussian has the smaller Kolmogorov-Smirnov distance.
     """
-    gaussian, flat = distances(y)
-    return gaussian < flat
-
-
-def distances(y):
-    """Kolmogorov-Smirnov distances of `y` to a Gaussian and to a uniform distribution, 0 to 1.
-
-    Both have the mean and the standard deviation of `y`.
-    """
-    y = y[np.isfinite(y)]
-    mean, sigma = y.mean(), y.std()
-    half = np.sqrt(3) * sigma
-    gaussian = kstest(y, norm(mean, sigma).cdf).statistic
-    return float(gaussian), float(kstest(y, uniform(mean - half, 2 * half).cdf).statistic)
+    z = y[np.isfinite(y)]
+    z = (z - z.mean()) / z.std()
+    flat = uniform(-np.sqrt(3), 2 * np.sqrt(3))
+    return bool(kstest(z, norm.cdf).statistic < kstest(z, flat.cdf).statistic)

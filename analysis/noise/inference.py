@@ -47,7 +47,6 @@ ENDS = np.geomspace(4, 40, 12)  # time constants of a warm-up that ends in a log
 INSTEAD = said("instead")  # how the note of a drift begins to say so
 FILTER = 8.0  # means; a shorter correlation time is a filter's, not a bias's
 SHARE = 0.8  # of the variance of a coefficient; where white noise has more, it rules
-QUICK = 5e-4  # of the log; a gyro's slow noise has longer correlation times than so
 NEAR = 0.3  # of a drift: from an end of its interval to zero, where 4 logs of 5 give a value
 # The model whose biases are tried with a drift: a bias below the white noise is taken for the
 # slowest, a random walk; a visible random walk may be a slow bias.
@@ -181,9 +180,13 @@ class Inference:
         """Subtract the added terms from the log, shape (n,), U."""
         return subtracted(y, np.arange(len(y)) * self.coarse.dt, self.terms, self.sizes()[0])
 
-    def white_noise(self):
+    def white_noise(self, rate):
         """White noise of a sample, U, with a note on the band it was fitted in."""
         white = self.estimate("sigma_v", self.band, said("masked"))
+        if rate and white.low is None and self.chosen.terms.get("corr_time"):
+            plateau = self.likelihood.interval(self.chosen, "plateau")[1]
+            highest = max(white.high, (plateau or 0.0) / np.sqrt(self.coarse.dt))
+            return replace(white, high=highest, note=listed(white.note, said("or_filtered")))
         if self.averaged == self.fewest or white.low is None or white.high is None:
             return white
         low, high = white.low * (1 - AGREE / 2), white.high * (1 + AGREE / 2)
@@ -391,7 +394,7 @@ def infer(
 
 def _parameters(result, kind, rng, settled):
     """Estimate every parameter of a channel, by its name in model.json."""
-    parameters = {"sigma_v": result.white_noise()}
+    parameters = {"sigma_v": result.white_noise(rate=kind in DENSITY)}
     if density := DENSITY.get(kind):
         root, unit = np.sqrt(result.coarse.dt), unit_of(density, result.unit)
         parameters[density] = parameters["sigma_v"].scaled(root, unit)
@@ -550,10 +553,11 @@ def lost_in_means(finest, likelihood, fit):
 def low_passed(likelihood, fit):
     """Whether the fastest bias is white noise behind a first-order low-pass, which looks alike.
 
-    It leaves the white noise no lower end, and is forgotten many times in the log.
+    It leaves the white noise no lower end, and the log is long enough to average twice as long as
+    it lasts.
     """
     fastest = min(fit.terms.get("corr_time", ()), default=np.inf)
-    quick = fastest <= QUICK * likelihood.duration
+    quick = 2 * FILTER * FEWEST_MEANS * fastest <= likelihood.duration
     return quick and likelihood.interval(fit, "sigma_v")[0] is None
 
 

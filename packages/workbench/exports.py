@@ -331,7 +331,8 @@ def _axis(channel, source, strict):
     B = estimate("bias_instability", unit, si, factor)
     slow = {"sigma_b": estimate("sigma_b", unit, si, factor)}
     slow["T_c"] = estimate("corr_time", "s", "s", 1.0)
-    bias = tuple(e.value for e in slow.values()) if all(e.resolved for e in slow.values()) else None
+    bias = tuple(e.value for e in slow.values())
+    bias = None if None in bias or bias[1] < SLOW else bias
     chosen = [m["terms"] for m in channel.get("models", ()) if m.get("chosen") and "terms" in m]
     # Files have room for one process: the longer of two alone would leave out the other.
     two = not strict and any(len(terms.get("sigma_b", ())) > 1 for terms in chosen)
@@ -408,9 +409,9 @@ def stand_in(channel, source, white):
     def misfit(x):
         return np.log(curve_of(x) / adev) / band
 
-    known = 1e-9 if white else 10.0  # natural logarithm, how far N may move
     middle = np.log([adev.min(), np.sqrt(SLOW * span), level])
-    reach = np.array([10.0, np.log(span / SLOW) / 2, known])
+    # Natural logarithms: how far each may move; N, if it is known, by rounding.
+    reach = np.array([10.0, np.log(span / SLOW) / 2, 1e-9 if white else 10.0])
     way = {"bounds": (middle - reach, middle + reach), "loss": "soft_l1"}
     times = np.geomspace(2 * SLOW, span / PART, 5)
     fits = [least_squares(misfit, [middle[0], np.log(t), middle[2]], **way) for t in times]
