@@ -72,9 +72,17 @@ def late_and_doubled(events):
             yield event
 
 
+def empty_epochs(events):
+    """Give ten epochs without a fix a second, as a fast receiver does that has lost its sky."""
+    for k, event in enumerate(events):
+        yield event
+        if is_sample(event) and k % 4 == 0:
+            yield event[0], None, NAN, NAN, NAN, NAN, NAN
+
+
 BROKEN = (
     missing_numbers, impossible_numbers, a_gap, clock_set_back, clock_set_forward, no_times,
-    late_and_doubled,
+    late_and_doubled, empty_epochs,
 )  # fmt: skip
 
 

@@ -84,7 +84,7 @@ class Constrained:
         self.C_nb = [[number(c) for c in row] for row in C_nb]
         ahead = north(down, mount)
         self.C_vb = [[number(c) for c in row] for row in (ahead, cross(down, ahead), down)]
-        self.later, self._pull = 0.0, [number(0)] * 3
+        self.later, self._due, self._pull = 0.0, 0.0, [number(0)] * 3
         self.gyro_bias = [number(b) for b in bias]
         self.accel_bias = [number(0)] * 3
         tilt, yaw, gyro, accel, pitch, mounting = START
@@ -132,9 +132,10 @@ class Constrained:
         self.later = 0.0
         add(self._turned, (a, b, c))
         self._seconds += dt
-        if self._seconds + 0.5 * dt >= STEP_S:
+        if self._seconds + 0.5 * dt >= (self._due if self._due > 0 else STEP_S):
             self._carry()
             self._constrain(static)
+            self._due = 0.0
 
     def reach(self, later):
         """Go on as at the last sample, to some seconds after it."""
@@ -148,12 +149,11 @@ class Constrained:
 
     def update(self, position, velocity, sigma_p, sigma_v):
         """Take in a fix: position and velocity (sequences, north and east), each may be None."""
-        self._carry()
+        self._epoch()
         fix = (PLACE, position, self.position, sigma_p), (SPEED, velocity, self.velocity, sigma_v)
         for first, z, now, sigma in fix:
-            if z is not None:
-                for i in (0, 1):
-                    self._take(((first + i, 1.0),), z[i] - now[i], sigma * sigma)
+            for i in () if z is None else (0, 1):
+                self._take(((first + i, 1.0),), z[i] - now[i], sigma * sigma)
         self._apply()
 
     @property
@@ -189,6 +189,14 @@ class Constrained:
         for i in (0, 1, 2):
             rows.append((TILT + i, tuple((GYRO + k, -T * C[i][k]) for k in (0, 1, 2))))
         return rows
+
+    def _epoch(self):
+        """Carry the covariance to an epoch. The step starts anew, unless none ended since the last:
+
+        epochs that come faster than steps would put the constraint off for ever.
+        """
+        self._due = self._due - self._seconds if self._due > 0 else STEP_S
+        self._carry()
 
     def _carry(self):
         """Carry the covariance over the samples since the last step."""
@@ -230,8 +238,7 @@ class Constrained:
             self._apply()
             return
         v, C = self.velocity, self.C_nb
-        ahead = [dot(row, self.C_vb[0]) for row in C]
-        along = dot(ahead, v)
+        along = dot([dot(row, self.C_vb[0]) for row in C], v)
         for axis, state, lever in ((1, MOUNT + 1, along), (2, MOUNT, -along)):
             across = [dot(row, self.C_vb[axis]) for row in C]
             tilt = cross(across, v)

@@ -897,9 +897,8 @@ static void car_start(Constrained *b, const number position[3], const number vel
   number doubt = attitude->bias.P[0][0];
   EACH(i, 3) doubt = most(doubt, attitude->bias.P[i][i]);
   number tilt = most(start[0], root(attitude->tilt.p)), gyro = most(start[2], root(doubt));
-  number accel = start[3];
-  number sigmas[STATES] = {sigma_p, sigma_p, sigma_v, sigma_v, 1,     tilt,     tilt,    start[1],
-                           gyro,    gyro,    gyro,    accel,   accel, accel, start[4], start[5]};
+  number sigmas[STATES] = {sigma_p, sigma_p, sigma_v, sigma_v, 1, tilt, tilt, start[1], gyro, gyro,
+                           gyro, start[3], start[3], start[3], start[4], start[5]};
   EACH(i, STATES) b->P[i][i] = sigmas[i] * sigmas[i];
 }
 
@@ -925,8 +924,7 @@ static void car_take(Constrained *b, const Term *terms, int n, number residual, 
 }
 
 static void car_take_one(Constrained *b, int state, number residual, number sigma) {
-  Term term = {state, 1};
-  car_take(b, &term, 1, residual, sigma * sigma);
+  car_take(b, &(Term){state, 1}, 1, residual, sigma * sigma);
 }
 
 static void turn(number C[3][3], number a, number b, number c) { // turned
@@ -1048,14 +1046,16 @@ static void car_sample(Constrained *b, const number gyro[3], const number accel[
   b->later = 0;
   add(b->turned, a);
   b->seconds += dt;
-  if (b->seconds + R(0.5) * dt >= CONSTRAINED_STEP_S) {
+  if (b->seconds + R(0.5) * dt >= (b->due > 0 ? b->due : CONSTRAINED_STEP_S)) {
     car_carry(b);
     car_constrain(b, is_static);
+    b->due = 0;
   }
 }
 
 static void car_update(Constrained *b, const number *position, const number *velocity,
                        number sigma_p, number sigma_v) {
+  b->due = b->due > 0 ? b->due - b->seconds : CONSTRAINED_STEP_S;
   car_carry(b);
   if (position) EACH(i, 2) car_take_one(b, PLACE + i, position[i] - b->position[i], sigma_p);
   if (velocity) EACH(i, 2) car_take_one(b, SPEED + i, velocity[i] - b->velocity[i], sigma_v);

@@ -121,7 +121,7 @@ typedef struct {
 typedef struct {
   bool started;
   number position[2], velocity[3], C_nb[3][3], C_vb[3][3], gyro_bias[3], accel_bias[3];
-  number P[STATES][STATES], error[STATES], seconds, force[3], turned[3], slide, pull[3], later;
+  number P[STATES][STATES], error[STATES], seconds, force[3], turned[3], slide, pull[3], later, due;
 } Constrained;
 
 typedef struct {

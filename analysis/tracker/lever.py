@@ -37,7 +37,7 @@ class Levered(Constrained):
 
     def update(self, position, velocity, sigma_p, sigma_v):
         """Take in a fix of the antenna; an error of the attitude turns its arm."""
-        self._carry()
+        self._epoch()
         at, swing = self._arm()
         fix = (
             (PLACE, position, self.position, at, sigma_p),
