@@ -23,8 +23,10 @@ def moved(kind, rng, even=True, noise=1.0, hertz=1):
     n = round(MINUTES * 60 / DT)
     t, w = DT * np.arange(n), 2 * np.pi
     waves = [rng.uniform(0.7, 1.3) * np.sin(w * (t / p + rng.random())) for p in (17, 41, 73)]
-    v = {"runner": 3.5, "boat": 6.0}.get(kind, 12.0) * (1 + 0.2 * waves[1])
-    course = np.cumsum(np.radians(9.0 * waves[0] + 6.0 * waves[2])) * DT
+    gains = 0.2 * (kind not in ("cruiser", "straight"))
+    v = {"runner": 3.5, "boat": 6.0}.get(kind, 12.0) * (1 + gains * waves[1])
+    bends = 1.0 * (kind != "straight")
+    course = np.cumsum(np.radians(bends * (9.0 * waves[0] + 6.0 * waves[2]))) * DT
     velocity = np.column_stack([v * np.cos(course), v * np.sin(course), np.zeros(n)])
     force = np.gradient(velocity, DT, axis=0) - G
     yaw, pitch, roll = course, np.zeros(n), np.zeros(n)
@@ -57,11 +59,13 @@ def moved(kind, rng, even=True, noise=1.0, hertz=1):
 @pytest.mark.parametrize(("kind", "answers"), [
     ("car", {"car"}), ("motorbike", {"leans"}), ("multicopter", {"leans", "unlike"}),
     ("boat", {"tilts", "open"}), ("runner", {"tilts", "open", "unlike"}),
+    ("cruiser", {"open"}), ("straight", {"open"}),
 ])  # fmt: skip
 def test_kinds(kind, answers, hertz):
     """statistical: 20 simulated rides, the sensor mounted anyhow, are told for what they are.
 
     An aircraft leans as a motorbike does. A quick receiver is as noisy at each fix as a slow one.
+    A car at a constant speed, or straight on as well, only changes by the noise of its fixes.
     """
     rides = (moved(kind, np.random.default_rng([7, k]), hertz=hertz) for k in range(20))
     assert {vehicle(*ride).kind for ride in rides} <= answers
