@@ -14,7 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from test_cli import failed, run
 
-from analysis import STANDARD_GRAVITY, wrap
+from analysis import STANDARD_GRAVITY, Estimate, wrap
 from analysis.tracker import GATE_ALONE, Stored, log_replay, replay, scenarios
 from analysis.tracker.device import BLOCKS, Options
 from sensorlogs import datasets
@@ -211,6 +211,14 @@ def test_the_offset_to_type_is_said(laps):
     early = replace(log, gnss=gnss, imu=replace(imu, t_s=imu.t_s - 0.75))
     said = float(re.search(r"give --imu-offset (\S+)", told(early))[1])
     assert said == pytest.approx(log.imu.t_s[0] - log.gnss.t_s[0], abs=0.1)  # the lag's error
+
+
+@pytest.mark.parametrize(("low", "says"), [(-0.05, False), (0.05, True)])
+def test_a_lag_that_may_be_none_is_not_said(laps, monkeypatch, low, says):
+    """known case: 0.25 s is said where its interval leaves 0 out."""
+    known = Estimate(0.25, low, 0.4, "s"), log_replay.motion(laps[0].log)[1]
+    monkeypatch.setattr(log_replay, "motion", lambda _: known)
+    assert ("GNSS lags" in told(laps[0].log)) == says
 
 
 @pytest.mark.parametrize("part", [(0.0, 60.0), (60.0, 1e9)])

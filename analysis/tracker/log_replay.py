@@ -366,7 +366,7 @@ def _remarks(timeline, options, columns, devices, unexplained, lag, moves):
         yield "no_gnss", {}
         return
     if imu is not None:
-        if lag.value is not None and abs(lag.value) > LAG_SAID:
+        if lag.value and abs(lag.value) > LAG_SAID and lag.low * lag.high > 0:
             offset = float(imu.t_s[0] - gnss.t_s[0]) + lag.value
             yield "lag", {"lag": lag.value, "low": lag.low, "high": lag.high, "offset": offset}
         share = moves.turn
