@@ -382,14 +382,17 @@ def test_what_is_counted_over_epochs():
 
 
 def test_a_summary_by_hand():
-    """known case: seven epochs of two starts; the gap between them and the last stand for none."""
+    """known case: seven epochs of two starts; the gap between them and the last stand for none.
+
+    Three samples come in 0.8 s before the IMU's own gap, unevenly.
+    """
     columns = {
         "t_s": [0.0, 1, 2, 3, 10, 11, 12], "has_fix": [0, 1, 1, 1, 1, 1, 0],
         "accepted": [0, 0, 1, 1, 0, 1, 0], "moving": [0, 0, 1, 1, 1, 0, 1],
         "layer": [1, 1, 0, 0, 0, 3, 0], "out_lat_deg": [np.nan, *[5.0] * 6],
     }  # fmt: skip
     columns = {name: np.array(of) for name, of in columns.items()}
-    gnss, imu = SimpleNamespace(t_s=columns["t_s"]), SimpleNamespace(t_s=np.array([0, 0.2, 0.4, 2]))
+    gnss, imu = SimpleNamespace(t_s=columns["t_s"]), SimpleNamespace(t_s=np.array([0, 0.2, 0.4, 0.8, 8]))
     log = Timeline(gnss, imu, None, ("said",), {"log": "hash"}, restarts_s=(10.0,))
     mounting = SimpleNamespace(mount=math.pi / 2, sigma=math.pi / 90, printed=None)
     device = SimpleNamespace(last=SimpleNamespace(moved_while_off=400.0), mounting=mounting)
@@ -399,7 +402,7 @@ def test_a_summary_by_hand():
     blocks = dict.fromkeys(BLOCKS, "on") | {"static": "off"}
     assert found == {
         "source": {"files": {"log": "hash"}, "start_utc": None, "duration_s": 12.0, "epochs": 7,
-                   "imu_samples": 4, "imu_rate_hz": pytest.approx(5.0)},
+                   "imu_samples": 5, "imu_rate_hz": pytest.approx(3 / 0.8)},
         "blocks": blocks, "moved_while_off_m": 400.0, "number_type": "float64",
         "fixes": {"with_fix": 5, "accepted": 3, "refused": 2, "first_fix_s": 1.0,
                   "first_accepted_s": 2.0, "first_output_s": 1.0},

@@ -290,6 +290,7 @@ def _summary(timeline, options, columns, devices, straights):
     accepted, device = columns["accepted"] == 1, devices[-1]
     put_out = np.isfinite(columns["out_lat_deg"])
     mount, imu, gnss = device.mounting, timeline.imu, timeline.gnss
+    steps = _step(imu.t_s if imu else t[:0])
     ends = np.searchsorted(t, [-np.inf, *timeline.restarts_s, np.inf])
     parts = [slice(a, b) for a, b in pairwise(ends) if b > a]
     starts = [
@@ -313,7 +314,7 @@ def _summary(timeline, options, columns, devices, straights):
             "duration_s": timeline.duration_s,
             "epochs": 0 if gnss is None else len(t),
             "imu_samples": 0 if imu is None else len(imu.t_s),
-            "imu_rate_hz": None if imu is None else float(1 / np.median(np.diff(imu.t_s))),
+            "imu_rate_hz": float((steps > 0).sum() / steps.sum()) if steps.any() else None,
         },
         "blocks": {
             name: lacks.get(name, "on") if getattr(options, name) else "off" for name in BLOCKS
