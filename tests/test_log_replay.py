@@ -384,7 +384,8 @@ def test_what_is_counted_over_epochs():
 def test_a_summary_by_hand():
     """known case: seven epochs of two starts; the gap between them and the last stand for none.
 
-    Three samples come in 0.8 s before the IMU's own gap, unevenly.
+    Three samples come in 0.8 s before the IMU's own gap, unevenly. The angle is of the last start,
+    and so are its straights.
     """
     columns = {
         "t_s": [0.0, 1, 2, 3, 10, 11, 12], "has_fix": [0, 1, 1, 1, 1, 1, 0],
@@ -392,11 +393,13 @@ def test_a_summary_by_hand():
         "layer": [1, 1, 0, 0, 0, 3, 0], "out_lat_deg": [np.nan, *[5.0] * 6],
     }  # fmt: skip
     columns = {name: np.array(of) for name, of in columns.items()}
-    gnss, imu = SimpleNamespace(t_s=columns["t_s"]), SimpleNamespace(t_s=np.array([0, 0.2, 0.4, 0.8, 8]))
+    times = columns["t_s"], np.array([0, 0.2, 0.4, 0.8, 8])
+    gnss, imu = (SimpleNamespace(t_s=t) for t in times)
     log = Timeline(gnss, imu, None, ("said",), {"log": "hash"}, restarts_s=(10.0,))
-    mounting = SimpleNamespace(mount=math.pi / 2, sigma=math.pi / 90, printed=None)
+    mounting = SimpleNamespace(mount=math.pi / 2, sigma=math.pi / 90, printed=None, straights=4)
     device = SimpleNamespace(last=SimpleNamespace(moved_while_off=400.0), mounting=mounting)
-    found = log_replay._summary(log, Options(static=False), columns, [device] * 2, 4)
+    earlier = SimpleNamespace(last=device.last, mounting=SimpleNamespace(straights=9))
+    found = log_replay._summary(log, Options(static=False), columns, [earlier, device])
     assert [start["static_seconds"] for start in found.pop("starts")] == [2.0, 1.0]
     assert found.pop("options")["bridge_s"] == 60.0
     blocks = dict.fromkeys(BLOCKS, "on") | {"static": "off"}

@@ -128,7 +128,7 @@ def replay(
     turned_by = ["printed", "alone", "sigma", "mount"]
     table[turned_by] = np.degrees(table[turned_by].astype(float))
     units = {k: f"{k}_deg" for k in turned_by} | {"ax": "ax_m_s2", "ay": "ay_m_s2"}
-    summary = _summary(timeline, options, columns, devices, len(straights))
+    summary = _summary(timeline, options, columns, devices)
     sideways = [moves.sideways.value, moves.sideways.low, moves.sideways.high]
     how = {"used": device.bridges, "motion": moves.kind, "smoothed": smooth, "sideways": sideways}
     summary |= {"filter": how, "lever_m": [*lever]}
@@ -284,12 +284,11 @@ def _start(columns, step, device):
     }
 
 
-def _summary(timeline, options, columns, devices, straights):
+def _summary(timeline, options, columns, devices):
     """Return the content of summary.json."""
     t, layer, step = columns["t_s"], columns["layer"], _step(columns["t_s"])
-    accepted, device = columns["accepted"] == 1, devices[-1]
-    put_out = np.isfinite(columns["out_lat_deg"])
-    mount, imu, gnss = device.mounting, timeline.imu, timeline.gnss
+    carried = np.isfinite(columns["out_lat_deg"]) & (columns["accepted"] == 0)
+    mount, imu, gnss = devices[-1].mounting, timeline.imu, timeline.gnss
     steps = _step(imu.t_s if imu else t[:0])
     ends = np.searchsorted(t, [-np.inf, *timeline.restarts_s, np.inf])
     parts = [slice(a, b) for a, b in pairwise(ends) if b > a]
@@ -331,9 +330,9 @@ def _summary(timeline, options, columns, devices, straights):
             "deg": degrees(mount.mount),
             "sigma_deg": degrees(mount.sigma),
             "printed_rule_deg": degrees(mount.printed),
-            "straights": straights,
+            "straights": mount.straights,
         },
-        "seconds_without_fix_but_position": float(step[put_out & ~accepted].sum()),
+        "seconds_without_fix_but_position": float(step[carried].sum()),
         "options": {
             name: getattr(options, name)
             for name, default in vars(Options).items()
