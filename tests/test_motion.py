@@ -146,6 +146,14 @@ def test_a_known_lag_comes_back(late, even):
         assert time_lag(gnss, other).value is None
 
 
+@pytest.mark.parametrize("hertz", [10, 25])
+def test_a_quick_receiver_tells_its_lag(hertz):
+    """analytic: to 0.1 s, though from one fix to the next its noise is all that changes."""
+    gnss, imu = moved("car", np.random.default_rng(2), hertz=hertz)
+    found = time_lag(gnss, replace(imu, t_s=imu.t_s - 0.5))
+    assert found.low <= 0.5 <= found.high and found.value == pytest.approx(0.5, abs=0.1)
+
+
 def test_the_interval_of_a_lag_covers():
     """coverage: on 10 rides the interval covers the known lag in 8 or more, and is narrow."""
     inside = 0

@@ -87,8 +87,7 @@ def steps(gnss: Gnss, imu: Imu) -> Steps:
     -------
     Steps
     """
-    every = max(1, round(STEP_S / max(float(np.median(np.diff(gnss.t_s))), 1e-3)))
-    t, v, course = (x[::every] for x in (gnss.t_s, gnss.speed_m_s, gnss.course_deg))
+    t, v, course = _thinned(gnss)
     inside = (imu.t_s >= t[0]) & (imu.t_s < t[-1])
     at, many = np.searchsorted(t, imu.t_s[inside], side="right") - 1, len(t) - 1
     count = np.bincount(at, minlength=many)[:many]
@@ -101,6 +100,12 @@ def steps(gnss: Gnss, imu: Imu) -> Steps:
     dt = dt[use]
     columns = mean_v[use], np.diff(v)[use] / dt, turned[use] / dt, force.T[use], rate.T[use]
     return Steps(dt, *columns)
+
+
+def _thinned(gnss):
+    """Return times, speeds and courses of about one fix a second."""
+    every = max(1, round(STEP_S / max(float(np.median(np.diff(gnss.t_s))), 1e-3)))
+    return [x[::every] for x in (gnss.t_s, gnss.speed_m_s, gnss.course_deg)]
 
 
 def vehicle(gnss: Gnss, imu: Imu) -> Vehicle:
@@ -216,12 +221,12 @@ def time_lag(gnss: Gnss, imu: Imu) -> Estimate:
         94 % of 240 simulated rides of four minutes and 94 % of 240 of seven);
         unresolved where speed and course change too little, or lag more than `LAGS` covers.
     """
-    t, v = gnss.t_s, gnss.speed_m_s
     refused = Estimate.refused("s", "speed and course change too little")
-    if len(t) < FEWEST or len(imu.t_s) < FEWEST:
+    if len(gnss.t_s) < FEWEST or len(imu.t_s) < FEWEST:
         return refused
+    t, v, course = _thinned(gnss)
     dt, mean_v = np.diff(t), (v[1:] + v[:-1]) / 2
-    course = np.radians(wrap(np.diff(gnss.course_deg)))
+    course = np.radians(wrap(np.diff(course)))
     near = dt < LAG_NEAR * np.median(dt)
     fits = []
     for change, readings, slowest in ((np.diff(v), imu.accel_b, 0.0), (course, imu.gyro_b, FAST)):
