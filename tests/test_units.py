@@ -340,6 +340,19 @@ def test_differences_of_a_known_shift():
     assert metrics["yaw_rms_deg"].value == pytest.approx(5.0)
 
 
+def test_heights_do_not_move_a_position():
+    """property: 60 km of road at 2000 m; the other unit's heights by another datum, none, or some.
+
+    Verticals 60 km apart differ by half a degree: 50 m of height is 0.5 m of place, 2000 m is 19 m.
+    """
+    t = np.arange(0.0, 600.0)
+    road = unit(t, np.column_stack([100 * t, 20 * t, 1600 + 0 * t]))
+    height, moved = road.gnss.height_m, road.gnss.lat_deg + 1e-8  # not the same readings
+    for other in (height + 50, np.nan * t, np.where(t % 100 < 9, np.nan, height)):
+        a, b = local_tracks(named(road, changed(road, height_m=other, lat_deg=moved)))
+        np.testing.assert_allclose(b.enu[:, :2], a.enu[:, :2], atol=2e-3)  # of 1e-8 deg
+
+
 def test_metrics_hold_the_truth():
     """coverage: 95 % intervals of each metric hold it in 90 to 99 % of 200 logs (1.5 % s.e.).
 

@@ -105,7 +105,7 @@ def local_tracks(units: Mapping[str, Timeline]) -> list[Track]:
 
     The origin is the median position of the first unit that has one. A position that is repeated
     for less than 1.5 s, or as long as most do, counts once: the output is faster than the receiver.
-    Heights are taken as they are (`conventions` compares datums).
+    Heights are taken as they are (`datums` compares them), and do not count in the other two.
 
     Parameters
     ----------
@@ -201,10 +201,10 @@ def _track(name, log, origin) -> Track:
     gnss, attitude = _positions(log), _attitudes(log)
     t, fixed = zero + gnss.t_s, np.isfinite(gnss.lat_deg) & np.isfinite(gnss.lon_deg)
     enu = np.full((len(t), 3), np.nan)
-    height = np.where(np.isfinite(gnss.height_m), gnss.height_m, 0.0)
-    places = (values[fixed] for values in (gnss.lat_deg, gnss.lon_deg, height))
-    enu[fixed] = np.column_stack(pymap3d.geodetic2enu(*places, *origin))
-    # The tangent plane falls away from the Earth by 8 m in 10 km; heights stay what they were.
+    # All on the ellipsoid: far from the origin verticals tilt, and a height by another datum, or
+    # none, would shift a position by 1 m for 100 m in 64 km. Heights stay what they were.
+    places = (values[fixed] for values in (gnss.lat_deg, gnss.lon_deg))
+    enu[fixed] = np.column_stack(pymap3d.geodetic2enu(*places, 0.0, *origin))
     enu[:, 2] = np.where(fixed, gnss.height_m, np.nan)
     keep = ~_repeated(t, enu[:, :2])
     t, enu = t[keep], enu[keep]
