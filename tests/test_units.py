@@ -25,7 +25,14 @@ from analysis.units.clock import _best_lags, _refined, least_squares, named_offs
 from analysis.units.events import Apart, disagreements
 from analysis.units.frame import Track, interpolated, local_tracks, rate, tracks, unwrapped
 from analysis.units.metrics import Differences, _common, normal_factor, quantile, root_mean_square
-from analysis.units.side_by_side import apart, conventions, datums, noise_of_each, side_by_side
+from analysis.units.side_by_side import (
+    apart,
+    conventions,
+    datums,
+    noise_of_each,
+    side_by_side,
+    with_clock,
+)
 from analysis.units.variances import unit_variances
 from sensorlogs.timeline import Attitude, Gnss, Timeline
 from studies import coverage
@@ -338,6 +345,39 @@ def test_differences_of_a_known_shift():
     assert list(_common([np.arange(4.0), np.arange(0, 3.1, 0.5)], 0.0, 3.0)) == [0, 1, 2, 3]
     assert metrics["p50_m"].value == pytest.approx(np.hypot(3, 2), abs=0.01)
     assert metrics["yaw_rms_deg"].value == pytest.approx(5.0)
+
+
+def test_a_distance_is_as_uncertain_as_the_clock():
+    """analytic: 10 m ahead at 20 m/s, the clock known to 1 s: 0 to 30 m; across nothing changes.
+
+    Without a truth of the clock: on a motorway at 25 m/s, give or take half of one, the intervals
+    of two receivers of 1 m hold their distance. Without the clock's they do in 1 of 20 drives.
+    """
+    rng, t = np.random.default_rng(1), np.arange(0.0, 600.0)
+    road, here = np.column_stack([20 * t, 0 * t]), 0.1 * rng.standard_normal((2, len(t), 2))
+    a, b = track(t, road + here[0]), track(t, road + [10, 3] + here[1], name="b")
+    d = differences(a, b)
+    plain, found = trajectory_metrics(d), with_clock(a, b, d, 1.0)
+    assert plain == with_clock(a, b, d, 0.0) and plain.keys() == found.keys()
+    assert all(found[k].value == plain[k].value for k in plain)
+    for k, ends in {"along_rms_m": (0, 30), "p50_m": (3, np.hypot(3, 30))}.items():
+        assert plain[k].high - plain[k].low < 0.1
+        np.testing.assert_allclose(triple(found[k])[1:], ends, atol=0.3)  # noise of 0.14 m
+    assert found["max_m"].low < 4 and found["max_m"].high is None
+    np.testing.assert_allclose(triple(found["cross_rms_m"]), triple(plain["cross_rms_m"]), 0.05)
+    ahead = track(t, road + np.array([25, 0]), name="b")
+    assert [len(datums(a, ahead, differences(a, ahead), half)) for half in (0, 1, 2)] == [1, 1, 0]
+    held = []
+    for rng in map(np.random.default_rng, np.random.SeedSequence(3).spawn(10)):
+        speed, side = gauss_markov(len(t), 1.0, 0.5, 30.0, rng, runs=2)
+        place = np.column_stack([np.cumsum(25 + speed), np.cumsum(2 * side)])
+        logs = [unit(t, place + gauss_markov(len(t), 1.0, 1.0, 20.0, rng, runs=2).T) for _ in "ab"]
+        found = side_by_side(named(*logs)).pairs[0].metrics
+        held.append([found[k].low <= v <= found[k].high for k, v in CLOSE.items()])
+    assert (np.mean(held, axis=0) >= 0.9).all(), np.mean(held, axis=0)
+
+
+CLOSE = {"p50_m": np.sqrt(2 * 2 * np.log(2)), "along_rms_m": np.sqrt(2)}  # of two of 1 m
 
 
 def test_heights_do_not_move_a_position():

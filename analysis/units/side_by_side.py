@@ -118,10 +118,11 @@ def side_by_side(units: Mapping[str, Timeline]) -> Comparison:
     for k, track in enumerate(tracks):
         events += find_events(track, tracks[:k] + tracks[k + 1 :])
     pairs, distances = [], []
+    late = dict(zip(units, [0.0, *map(_half, clocks)], strict=True))
     for a, b in tqdm([*combinations(tracks, 2)], unit="pair", **bar):
-        d = differences(a, b)
-        notes += datums(a, b, d)
-        pairs.append(Pair(a.name, b.name, d, trajectory_metrics(d)))
+        d, half = differences(a, b), float(np.hypot(late[a.name], late[b.name]))
+        notes += datums(a, b, d, half)
+        pairs.append(Pair(a.name, b.name, d, with_clock(a, b, d, half)))
         distances += apart(a, b, d)
     events += disagreements(distances)
     noise, missing = noise_of_each([differences(tracks[0], b, *tracks) for b in tracks[1:]])
@@ -175,6 +176,49 @@ def _clock(a: Track, b: Track, notes) -> Clock:
         plus = "" if clock.undated else f"times by {a.name} are those by {b.name} plus "
         notes.append(plus + clock.named)
     return clock
+
+
+def _half(clock):
+    """Half the interval of an offset, s; 0 where the stamps are taken as they are."""
+    ends = clock.offset_s
+    return (ends.high - ends.low) / 2 if ends.resolved else 0.0
+
+
+def with_clock(a: Track, b: Track, d: Differences, half: float) -> dict[str, Estimate]:
+    """Give the metrics of a pair; their intervals allow for the clock's.
+
+    On a road at one speed a clock, a lever arm and a shift are one: the distance is as uncertain as
+    the clock. So each interval holds those with b later by -+ ``half``, and with b where it is
+    nearest to a along the track in between.
+
+    Parameters
+    ----------
+    a, b : Track
+    d : Differences
+        b minus a.
+    half : float
+        Half the 95 % interval of the offset between their clocks, s.
+
+    Returns
+    -------
+    dict of str to Estimate
+    """
+    found = trajectory_metrics(d)
+    if not half:
+        return found
+    nearest = np.nansum(d.along_m * d.speed_m_s) / max(np.sum(d.speed_m_s**2), 1e-9)
+    lags = np.clip([-half, nearest, half], -half, half)
+    moved = (differences(a, b.shifted(lambda t, lag=lag: t + lag)) for lag in lags)
+    every = [found, *map(trajectory_metrics, moved)]
+
+    def end(key, name, outer):
+        ends = [getattr(one[key], name) for one in every if key in one]
+        return None if None in ends else outer(ends)
+
+    return {
+        key: replace(one, low=end(key, "low", min), high=end(key, "high", max))
+        for key, one in found.items()
+    }
 
 
 def _agreed(tracks, notes):
@@ -323,8 +367,17 @@ def _factor(t, mine, theirs, least, scale=1.0):
     )
 
 
-def datums(a: Track, b: Track, d: Differences) -> list[str]:
+def datums(a: Track, b: Track, d: Differences, half: float = 0.0) -> list[str]:
     """Say which constant differences of position are datums rather than errors.
+
+    Parameters
+    ----------
+    a, b : Track
+    d : Differences
+        b minus a.
+    half : float
+        Half the 95 % interval of the offset between their clocks, s: so much of their travel is no
+        datum.
 
     Returns
     -------
@@ -347,7 +400,7 @@ def datums(a: Track, b: Track, d: Differences) -> list[str]:
     if len(d.t_s) > 10:
         (east, east_scatter), (north, north_scatter) = (_middle(d.enu[:, k]) for k in (0, 1))
         shift, scatter = np.hypot(east, north), np.hypot(east_scatter, north_scatter)
-        if shift > max(SHIFT_M, DATUM_RATIO * scatter):
+        if shift > max(SHIFT_M, DATUM_RATIO * scatter, half * float(np.median(d.speed_m_s))):
             said.append(
                 f"{b.name} is {north:+.0f} m north and {east:+.0f} m east of {a.name} throughout "
                 f"(scatter {scatter:.0f} m): another horizontal datum, or a grid of its own"
