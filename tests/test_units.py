@@ -192,6 +192,26 @@ def test_what_stands_still_and_what_is_another_journey():
             assert abs(clock_offset(a, b).offset_s.value) < 0.1
 
 
+def test_halves_of_a_drive_are_no_journey():
+    """property: with 40 s between them refused, where bends are alike too; a datum is not.
+
+    In 4 of 25 such drives half a minute of another bend fitted, 1.1 to 2 km away.
+    """
+    t = np.arange(2.0, 598.0)
+    for seed in (3, 10, 19, 20):
+        rng = np.random.default_rng(seed)
+        path, errors = drive(600, rng), gauss_markov(len(t), 1.0, 0.5, 20.0, rng, runs=4)
+        a, b = (track(t, path(t) + errors[2 * k : 2 * k + 2].T, name="ab"[k]) for k in (0, 1))
+        early, late = (
+            replace(u, **{k: getattr(u, k)[part] for k in ("t_s", "enu", "velocity")})
+            for u, part in ((a, t < 280), (b, t > 320))
+        )
+        for two in ((early, late), (late, early)):
+            refused(CannotAnswer, "they are .* m apart, and", clock_offset, *two)
+        shift = replace(b, enu=b.enu + np.array([200, 300, 0]))
+        assert abs(clock_offset(a, shift).offset_s.value) < 1.0
+
+
 def test_what_a_circle_and_a_straight_road_tell_of_a_clock():
     """analytic: at one speed a lever arm looks like time: 3 m, straight on 300 m of datum too.
 

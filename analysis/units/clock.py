@@ -120,10 +120,14 @@ def clock_offset(a: Track, b: Track) -> Clock:
     best = _refined(a, b, best.lag) or best
     extent = min(_size(x) for _, x in signals)
     same_m = max(SAME_M, min(OWN_ERRORS * best.cross, OF_EXTENT * extent))
-    if best.along > max(ALONG_M, SAME_JOURNEY * best.cross) or best.scatter > same_m:
+    # Elsewhere a short stretch of another road bends alike: a datum shifts more than that.
+    part = best.common_s < SHARE * min(np.ptp(t) for t, _ in signals)
+    away = best.scatter > same_m or (part and best.apart > same_m)
+    if away or best.along > max(ALONG_M, SAME_JOURNEY * best.cross):
         raise CannotAnswer(
-            f"{both} were not on one journey at one time: at the best clock offset "
-            f"({best.lag:.0f} s) they still differ by {best.along:.0f} m along the track and "
+            f"{both} were not on one journey at one time: at the best clock offset ({best.lag:.0f} "
+            f"s, {best.common_s:.0f} s in common) they are {best.apart:.0f} m apart, and about "
+            f"their usual difference still differ by {best.along:.0f} m along the track and "
             f"{best.cross:.0f} m across{_stamps(a, b)}"
         )
     named = named_offset(best.offset, a, b)
@@ -166,6 +170,7 @@ class _Fit:
     offset: Estimate
     drift: Estimate
     middle: float
+    apart: float  # m, median distance
     scatter: float  # m, of the position difference
     along: float
     cross: float
@@ -249,8 +254,9 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
     if not moving.any():
         return None
     along_m, cross_m = (1.4826 * float(np.median(p)) for p in parts)
-    scatter = float(np.median(np.hypot(*residual.T)))
-    return _Fit(lag, offset, drift, middle - lag, scatter, along_m, cross_m, float(np.ptp(t)))
+    apart, scatter = (float(np.median(np.hypot(*of.T))) for of in (d, residual))
+    sizes = apart, scatter, along_m, cross_m
+    return _Fit(lag, offset, drift, middle - lag, *sizes, float(np.ptp(t)))
 
 
 def lever_and_shift(forward: np.ndarray) -> np.ndarray:
