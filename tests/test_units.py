@@ -878,6 +878,27 @@ def test_compare_writes_the_contract(tmp_path, monkeypatch):
     assert [p.name for p in kept.parent.glob("[jm]*")] == [kept.name]
 
 
+def test_events_are_in_utc_by_a_clock_that_drifts():
+    """analytic: the first unit counts samples, 2 in 1000 too fast; its gap and b's are in UTC.
+
+    Without the drift they would be 0.8 s early and 0.8 s late.
+    """
+    rng, units = np.random.default_rng(1), {}
+    path = drive(900, rng)
+    for name, late, (begin, end) in (("a", 2e-3, (40, 50)), ("b", 0.0, (860, 870))):
+        t = np.arange(2.0, 899.0)
+        t = t[(t <= begin) | (t >= end)]
+        log = unit(t, path(t) + 0.1 * rng.standard_normal((len(t), 2)), (1 + late) * t)
+        units[name] = replace(log, clock="device" if late else "unix", zero_s=0 if late else START)
+    found = side_by_side(units)
+    assert found.clocks[0].from_first(found.clocks[0].to_first(START)) == pytest.approx(START)
+    told = comparison._told(found, units)
+    said = {(e["unit"], e["kind"]): e["when"] for e in told["events"]}
+    assert said["a", "loss"] == ["10:00:40.0", "10:00:50.0"]
+    assert said["b", "loss"] == ["10:14:20.0", "10:14:30.0"]
+    assert told["content"]["time_zero_utc"].startswith("2024-05-01T10:00:0")
+
+
 def test_an_attitude_against_a_position():
     """property: a course stands for a yaw; the clock is found from turns, to 0.1 s."""
     rng = np.random.default_rng(20)

@@ -71,6 +71,11 @@ class Clock:
         """Turn times by b into times by a."""
         return t + (self.offset_s.value or 0.0) + (self.drift.value or 0.0) * (t - self.middle_s)
 
+    def from_first(self, t: np.ndarray) -> np.ndarray:
+        """Turn times by a into times by b."""
+        middle = self.middle_s + (self.offset_s.value or 0.0)  # the same moment by a
+        return self.middle_s + (t - middle) / (1 + (self.drift.value or 0.0))
+
 
 def clock_offset(a: Track, b: Track) -> Clock:
     """Estimate offset and drift of the clock of b against that of a.

@@ -1,7 +1,7 @@
 """The page of units side by side: what `compare` writes."""
 
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from itertools import permutations, zip_longest
 
 from analysis import plots, store
@@ -53,29 +53,30 @@ def _draw(found, units, folder):
     draw(jobs, folder, data={k: sha for log in units.values() for k, sha in log.sources.items()})
 
 
-def _zero_utc(found):
-    """Time zero in UTC, by the first unit whose clock is UTC; None where no unit's clock is."""
+def _utc(found):
+    """Give what makes UTC of a time after time zero, s; None where no unit's clock is UTC."""
+    zero = plots.zero_time(found)
     for track, clock in zip(found.tracks, [None, *found.clocks], strict=True):
         if track.clock == "unix":
-            offset = clock.offset_s.value or 0.0 if clock else 0.0
-            return datetime.fromtimestamp(plots.zero_time(found) - offset, UTC)
+            own = clock.from_first if clock else float
+            return lambda seconds: datetime.fromtimestamp(own(zero + seconds), UTC)
     return None
 
 
-def _from_to(event, zero):
+def _from_to(event, utc):
     """Write from when to when an event lasts: UTC where it is known, else s from time zero."""
-    if zero is None:
+    if utc is None:
         return [f"{event[end]:.1f}" for end in ("from", "to")]
-    ends = (zero + timedelta(seconds=event[k] + 0.05) for k in ("from", "to"))
+    ends = (utc(event[k] + 0.05) for k in ("from", "to"))
     return [f"{t:%H:%M:%S}.{t.microsecond // 100_000}" for t in ends]
 
 
-def _dated(pair, zero, start):
+def _dated(pair, zero, utc):
     """The metrics of a pair, with the time of the largest distance."""
     if "max_m" not in pair.metrics:
         return pair.metrics
     at = float(pair.differences.t_s[pair.differences.horizontal_m.argmax()]) - zero
-    note = f"at {start + timedelta(seconds=at):%H:%M:%S} UTC" if start else f"at {at:.1f} s"
+    note = f"at {utc(at):%H:%M:%S} UTC" if utc else f"at {at:.1f} s"
     return pair.metrics | {"max_m": replace(pair.metrics["max_m"], note=note)}
 
 
@@ -115,7 +116,8 @@ def _told(found, units):
     With two units ``clock``, ``position``, ``attitude`` are one entry each; with more they are
     lists: ``clock`` of each unit against the first, the others of each pair.
     """
-    zero, start = plots.zero_time(found), _zero_utc(found)
+    zero, utc = plots.zero_time(found), _utc(found)
+    start = utc(0.0) if utc else None
     names = [track.name for track in found.tracks]
     clocks = []
     for name, clock in zip(names[1:], found.clocks, strict=True):
@@ -124,7 +126,7 @@ def _told(found, units):
         about = {"unit": name, "against": names[0]} | {k: _exact(v) for k, v in ends.items()}
         about |= {"drift": plain(clock.drift), "named": clock.named, "note": offset.note}
         clocks.append(about | {"undated": clock.undated})
-    rows = [(pair, _dated(pair, zero, start)) for pair in found.pairs]
+    rows = [(pair, _dated(pair, zero, utc)) for pair in found.pairs]
     stated = [([pair.a, pair.b], {k: plain(e) for k, e in row.items()}) for pair, row in rows]
     parts = [
         [{"units": two} | {k: e for k, e in row.items() if k.endswith(unit)} for two, row in stated]
@@ -165,7 +167,7 @@ def _told(found, units):
         "zero": start,
         "headline": [Said("apart", about), _counts(events)],
         "notes": [*found.notes, *(n for unit in content["units"] for n in unit["notes"])],
-        "events": [e | {"when": _from_to(e, start)} for e in shown(events)],
+        "events": [e | {"when": _from_to(e, utc)} for e in shown(events)],
         "counts": {u: _counts(own) for u, own in grouped((e["unit"], e) for e in events).items()},
         "rows": rows,
         "picture_of": _picture,
