@@ -207,13 +207,15 @@ def test_halves_of_a_drive_are_no_journey():
             for u, part in ((a, t < 280), (b, t > 320))
         )
         for two in ((early, late), (late, early)):
-            refused(CannotAnswer, "they are .* m apart, and", clock_offset, *two)
+            refused(CannotAnswer, "at one time|did not travel together", clock_offset, *two)
         shift = replace(b, enu=b.enu + np.array([200, 300, 0]))
         assert abs(clock_offset(a, shift).offset_s.value) < 1.0
 
 
 def test_what_a_circle_and_a_straight_road_tell_of_a_clock():
     """analytic: at one speed a lever arm looks like time: 3 m, straight on 300 m of datum too.
+
+    Whichever of the two has the noise: that of a velocity tells nothing of a clock.
 
     The drift is known by one independent error in 10 s at most: 60, a Student's t of 12 degrees.
     Of noise of 1 m that is 1.6e-4; one that is beyond 3e-4 by this is a counter's, and not drawn to
@@ -227,6 +229,8 @@ def test_what_a_circle_and_a_straight_road_tell_of_a_clock():
         fit = _refined(track(t, path), track(t, path + noise, name="b"), 0.0)
         halves = [(e.high - e.low) / 2 for e in (fit.offset, fit.drift)]
         assert halves == [pytest.approx(0.196 * metres, rel=0.03), pytest.approx(drift, rel=0.15)]
+        other = _refined(track(t, path + noise), track(t, path, name="b"), 0.0).offset
+        assert (other.high - other.low) / 2 == pytest.approx(0.196 * metres, rel=0.03)
     for drift, share, metres in ((4.4e-4, 0.64, 1), (4.8e-4, 1.0, 1), (3e-3, 1.0, 8)):
         late = track(t - drift * (t - 300), circle + 20 * metres * noise, name="b")
         fit = _refined(track(t, circle), late, 0.0)

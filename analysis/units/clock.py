@@ -37,6 +37,7 @@ SAME_M = 25.0  # median difference, constant shift taken out, that is always all
 # More is allowed as far as the receivers' own errors go, which show across the track, where neither
 # clock nor pace counts; but not of two roads, which differ across the track as far as they extend.
 OWN_ERRORS, OF_EXTENT = 2.0, 0.01  # times the scatter across the track; share of the extent
+KNOWN = 3.0  # standard errors by which two velocities must have changes of speed in common
 FEWEST_SAMPLES = 20  # of common attitudes
 THIN_S = 1.0  # between epochs when lags are compared
 ENOUGH_S = 1e-4  # step at which the refinement ends
@@ -226,20 +227,24 @@ def _best_lags(one, other, least) -> list[float]:
 def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
     """Refine a lag, robust against epochs off the track."""
     p, q = a.enu[:, :2], b.enu[:, :2]
-    velocity = rate(a.t_s, p, 1.0)
+    velocities = [(u.t_s, rate(u.t_s, u.enu[:, :2], 1.0)) for u in (a, b)]
     slower = a.fixed.sum() <= b.fixed.sum()
     for _ in range(8):
         t = a.t_s[a.fixed] if slower else b.t_s[b.fixed] + lag
-        v = interpolated(t, a.t_s, velocity)
+        v, other = (
+            interpolated(t, at + late, of)
+            for late, (at, of) in zip((0.0, lag), velocities, strict=True)
+        )
         d = interpolated(t, b.t_s + lag, q) - interpolated(t, a.t_s, p)
-        good = np.isfinite(d + v).all(axis=1)
-        t, d, v = t[good], d[good], v[good]
+        good = np.isfinite(d + v + other).all(axis=1)
+        t, d, v, other = t[good], d[good], v[good], other[good]
         if len(t) < 10 or np.ptp(t) < LEAST_S / 2:
             return None
         speed = np.hypot(*v.T)
         # At a standstill the direction is unknown: the lever arm counts from walking pace up.
         heading = v / np.maximum(speed, 1e-9)[:, None] * (speed > 1.0)[:, None]
         axes, middle = lever_and_shift(heading), float(t.mean())
+        v = _shared(v, other, axes, d)
         x = np.stack([v, v * (t - middle)[:, None], *np.moveaxis(axes, -1, 0)], axis=-1)
         prior = np.array([np.inf, COUNTER, LEVER_M, LEVER_M, DATUM_M, DATUM_M])
         most = float(np.ptp(t)) / LASTING_S
@@ -262,6 +267,27 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
     apart, scatter = (float(np.median(np.hypot(*of.T))) for of in (d, residual))
     sizes = apart, scatter, along_m, cross_m
     return _Fit(lag, offset, drift, middle - lag, *sizes, float(np.ptp(t)))
+
+
+def _shared(v, other, axes, d):
+    """Shrink what tells a clock from a lever arm and a shift to what both units share of it.
+
+    At one speed nothing of v is left but its noise, which would be taken for motion: regression
+    calibration (Carroll et al., Measurement Error in Nonlinear Models, 2006, chapter 4), with the
+    other velocity for a replicate. Epochs off the track count little.
+    """
+    far = ((d - np.median(d, axis=0)) ** 2).sum(axis=1)
+    weight = 1 / np.repeat(TAILS * np.median(far) + far + 1e-12, 2)
+    for kept in (slice(None), slice(2, None)):  # from lever arm and shift, then from a shift alone
+        x = axes[..., kept].reshape(len(weight), -1)
+        own, its = (
+            y.ravel() - x @ np.linalg.lstsq(x, y.ravel(), rcond=None)[0] for y in (v, other)
+        )
+        both = weight * own * its
+        known = both.sum() > KNOWN * np.sqrt((both**2).sum())  # beyond what noise alone has
+        share = min(both.sum() / (weight * own @ own), 1.0) if known else 0.0
+        v = v - (1 - share) * own.reshape(v.shape)
+    return v
 
 
 def lever_and_shift(forward: np.ndarray) -> np.ndarray:
