@@ -901,6 +901,15 @@ def test_events_are_in_utc_by_a_clock_that_drifts():
     assert said["a", "loss"] == ["10:00:40.0", "10:00:50.0"]
     assert said["b", "loss"] == ["10:14:20.0", "10:14:30.0"]
     assert told["content"]["time_zero_utc"].startswith("2024-05-01T10:00:0")
+    # A first unit in GPS time, as its offset from one in UTC says.
+    a, b = pair(rng, seconds=300, offset=18.0, sigma=0.1, corr_time=5.0)
+    units = {"a": replace(a, zero_s=START + 18), "b": replace(b, zero_s=START + 18)}
+    units = {name: replace(log, clock="unix") for name, log in units.items()}
+    for names in ("ab", "ba"):
+        given = {name: units[name] for name in names}
+        told = comparison._told(side_by_side(given), given)
+        assert told["zero"].timestamp() == pytest.approx(START + 2, abs=0.1)
+        assert told["by_gps"] == {"a"}
 
 
 def test_an_attitude_against_a_position():

@@ -6,6 +6,7 @@ from itertools import permutations, zip_longest
 
 from analysis import plots, store
 from analysis.static_logs.stored import plain
+from analysis.units.clock import LEAP_S
 from analysis.units.side_by_side import side_by_side
 from sensorlogs import grouped
 from sensorlogs.columns import tidy
@@ -59,8 +60,15 @@ def _utc(found):
     for track, clock in zip(found.tracks, [None, *found.clocks], strict=True):
         if track.clock == "unix":
             own = clock.from_first if clock else float
-            return lambda seconds: datetime.fromtimestamp(own(zero + seconds), UTC)
+            ahead = LEAP_S if _by_gps(found, track.name) else 0.0
+            return lambda seconds: datetime.fromtimestamp(own(zero + seconds) - ahead, UTC)
     return None
+
+
+def _by_gps(found, name):
+    """Tell whether a unit counts by GPS time, as its offset from another one says."""
+    said = (f"({name} in GPS", f", {name} in GPS")  # as `clock.named_offset` has it
+    return any(words in clock.named for clock in found.clocks for words in said)
 
 
 def _from_to(event, utc):
@@ -165,6 +173,7 @@ def _told(found, units):
         "clocks": clocks,
         "metrics": [position | attitude for position, attitude in zip(*parts, strict=True)],
         "zero": start,
+        "by_gps": {name for name in names if _by_gps(found, name)},
         "headline": [Said("apart", about), _counts(events)],
         "notes": [*found.notes, *(n for unit in content["units"] for n in unit["notes"])],
         "events": [e | {"when": _from_to(e, utc)} for e in shown(events)],
