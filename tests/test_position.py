@@ -74,6 +74,9 @@ def test_an_outlier_is_six_deviations_from_its_neighbours():
         ramp[far] += bound * off + np.sign(off) * 1e-3 * (run - 1)  # the middle of eleven moves on
         for axes in ((ramp,), (ramp, still), (still, ramp[::-1])):
             assert outliers(*axes).sum() == (run if run < 6 and off > 1 else 0)
+    ends = np.array([0, 1, 4000])  # the first and the last have neighbours on one side
+    ramp = np.linspace(0, 1, 4001) + 2 * bound * np.isin(np.arange(4001), ends)
+    np.testing.assert_array_equal(np.flatnonzero(outliers(ramp)), ends)
 
 
 def test_simulated_fixes_are_what_was_asked_for():

@@ -82,7 +82,7 @@ def outliers(*axes: np.ndarray) -> np.ndarray:
     """
     bad = np.zeros(len(axes[0]), dtype=bool)
     for axis in axes:
-        near = median_filter(axis, NEIGHBOURS, mode="nearest")
+        near = median_filter(axis, NEIGHBOURS, mode="mirror")
         bad |= np.abs(axis - near) > CUT * _scale(axis)
     return bad
 
