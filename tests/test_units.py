@@ -1,6 +1,7 @@
 """Units side by side: clocks, differences, events, conventions and variances."""
 
 import json
+import re
 from contextlib import nullcontext
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -402,6 +403,16 @@ def test_a_distance_is_as_uncertain_as_the_clock():
 
 
 CLOSE = {"p50_m": np.sqrt(2 * 2 * np.log(2)), "along_rms_m": np.sqrt(2)}  # of two of 1 m
+
+
+def test_a_unit_that_stops_half_way_is_said_to():
+    """property: 600 s against 300 s, whichever is first; nothing is said of 540 s and more."""
+    a, b = pair(np.random.default_rng(8), sigma=0.3, corr_time=5.0, rates=(2, 1))
+    for stop, said in ((300.0, "over the 29[0-9] s that both have"), (570.0, None)):
+        early = changed(b, **{k: v[b.gnss.t_s < stop] for k, v in vars(b.gnss).items()})
+        for logs in ({"a": a, "b": early}, {"b": early, "a": a}):
+            notes = [n for n in side_by_side(logs).notes if "that both have" in n]
+            assert len(notes) == bool(said) and all(re.search(said, n) for n in notes)
 
 
 def test_heights_do_not_move_a_position():

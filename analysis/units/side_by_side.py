@@ -32,6 +32,7 @@ DATUM_M, DATUM_RATIO = 8.0, 4.0  # constant difference of height: least, and ove
 GEOID_M = 110.0  # heights of the geoid above the ellipsoid lie within -107 to 86 m
 SHIFT_M = 20.0  # constant horizontal difference that is another datum rather than a lever arm
 FEWEST = 20  # common epochs, to tell what is usual
+WHOLE = 0.9  # of the longer log, from which the common time is not said
 COMPONENTS = ("along", "cross", "height", *ANGLES)
 
 
@@ -121,6 +122,13 @@ def side_by_side(units: Mapping[str, Timeline]) -> Comparison:
     late = dict(zip(units, [0.0, *map(_half, clocks)], strict=True))
     for a, b in tqdm([*combinations(tracks, 2)], unit="pair", **bar):
         d, half = differences(a, b), float(np.hypot(late[a.name], late[b.name]))
+        common = float(np.ptp(np.concatenate([d.t_s, d.attitude_t_s])))
+        lasts = [u.span[1] - u.span[0] for u in (a, b)]
+        if common < WHOLE * max(lasts):
+            notes.append(
+                f"{a.name} lasts {lasts[0]:.0f} s and {b.name} {lasts[1]:.0f} s: they are compared "
+                f"over the {common:.0f} s that both have"
+            )
         notes += datums(a, b, d, half)
         pairs.append(Pair(a.name, b.name, d, with_clock(a, b, d, half)))
         distances += apart(a, b, d)
