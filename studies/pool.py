@@ -314,8 +314,9 @@ def _marginal(curve, mu, s):
     """ln of the integral of exp(l) N(mu, s^2) over the straight pieces of a curve: closed form."""
     at, fall = curve.at, curve.fall
     slope = np.diff(fall) / np.diff(at)
-    low = slope[0] if curve.closed[0] else 0.0
-    high = slope[-1] if curve.closed[1] else 0.0
+    # A side does not rise again where its curve ends: that would be more than it has lost.
+    low = max(slope[0], 0.0) if curve.closed[0] else 0.0
+    high = min(slope[-1], 0.0) if curve.closed[1] else 0.0
     slope = np.concatenate([[low], slope, [high]])[:, None, None]
     # Piece j runs from a to b along fall[from_] + slope (theta - at[from_]).
     start = np.concatenate([[-np.inf], at])[:, None, None]

@@ -1,6 +1,7 @@
 """Pools of several units: intervals that cover, open sides that count, logs that do not belong."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -85,6 +86,20 @@ def allowed(runs):
 def test_intervals_of_centre_and_spread_cover(units, runs):
     """coverage: 95 % intervals of centre and spread miss no more often than chance allows."""
     assert np.all(misses(units, runs) <= allowed(runs))
+
+
+def test_a_curve_that_rises_where_it_ends():
+    """property: a place far out that is less bad than its neighbour draws no centre beyond it."""
+    rng = np.random.default_rng(7)
+    curves = [known_variance(0.2 * rng.standard_normal(), 140, rng) for _ in range(4)]
+    plain, _ = population(curves, "s")
+    for end, inner in ((0, 1), (-1, -2)):
+        fall = curves[1].fall.copy()
+        fall[end] = fall[inner] + 2
+        risen, _ = population([replace(curves[1], fall=fall), *curves[:1], *curves[2:]], "s")
+        assert (risen.value, risen.low, risen.high) == pytest.approx(
+            (plain.value, plain.low, plain.high), rel=0.02
+        )
 
 
 def test_no_spread_is_said_with_a_bound():
