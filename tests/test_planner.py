@@ -48,13 +48,41 @@ def test_plan_from_a_first_log():
 
     white, size, time, floor = (Estimate(v, 0.9 * v, 1.1 * v, "") for v in (0.1, 0.3, 50.0, 0.2))
     none, least, longer = (Estimate.refused("", "open", low=low) for low in (None, 0.2, 300.0))
-    names = ("sigma_v", "sigma_b", "corr_time", "bias_instability")
+    names, ends = ("sigma_v", "sigma_b", "corr_time", "rrw", "bias_instability"), (50.0, 45.0, 55.0)
     for values, expected in (
-        ((white, least, longer), (Plan(0.1, 0.2, 300.0), True)),
-        ((white, size, time), (Plan(0.1, 0.3, 50.0), False)), ((none, none, none), (None, False)),
-        ((white, none, none, floor), (Plan(0.1), False)),  # a floor is no flicker noise
-    ):  # fmt: skip
-        assert Plan.from_estimates(dict(zip(names, values, strict=False))) == expected
+        ((white, size, time), ([Plan(0.1, 0.3, t) for t in ends], False)),
+        ((none, none, none), ([], False)),
+        ((white, none, none, none, floor), ([Plan(0.1)], False)),  # a floor is no flicker noise
+    ):
+        found, at_least = Plan.from_estimates(dict(zip(names, values, strict=False)))
+        assert at_least == expected[1]
+        for one, other in zip(found, expected[0], strict=True):
+            assert one.given() == pytest.approx(other.given())
+    for high in (None, 0.04):
+        walk = Estimate.refused("", "open", high=high)
+        known = dict(zip(names, (white, least, longer, walk), strict=False))
+        plans, at_least = Plan.from_estimates(known)
+        of_all = [p.sigma_b * np.sqrt(2 / p.corr_time) for p in plans]
+        assert at_least and of_all == pytest.approx([high or 0.2 * np.sqrt(2 / 300)] * len(plans))
+        assert plans[0].corr_time == 300.0
+
+
+def test_at_least_is_not_more_than_the_truth_takes():
+    """analytic: the bounds of a bias at the edge of the white noise give no more hours than the
+    bias itself takes, wherever on its random walk the lower bound of T_c lies.
+    """
+    truth, dt = Plan(0.0126, 0.0005, 1000.0), 0.1
+    hours, walk = truth.hours_needed(dt, 0.2), 0.0005 * np.sqrt(2 / 1000)
+    white = Estimate(0.0126, 0.0126, 0.0126, "")
+    for time in (10.0, 50.0, 300.0, 1000.0):  # s, the lower bound
+        known = {"sigma_v": white, "rrw": Estimate.refused("", "open", high=walk)}
+        known["sigma_b"] = Estimate.refused("", "open", low=0.9 * walk * np.sqrt(time / 2))
+        known["corr_time"] = Estimate.refused("", "open", low=time)
+        whole = np.array([1.0, 7199.0]), np.zeros(2)
+        found, said = report.hours_to_record(SimpleNamespace(parameters=known, whole=whole), dt)
+        assert 0 < found["σ_b"] <= 1.001 * hours["sigma_b"]
+        assert 0 < found["T_c"] <= 1.001 * hours["corr_time"]
+        assert "T_c at least" in phrase(said)
 
 
 @pytest.mark.parametrize(("numbers", "says"), [
@@ -90,7 +118,7 @@ def test_hours_ascend():
     """
     ends = {"sigma_v": (1.0, 1.0, 1.0), "sigma_b": (0.02, 0.01, 0.04), "corr_time": (100, 5, 1000)}
     known = {k: Estimate(v, low, high, "") for k, (v, low, high) in ends.items()}
-    plan, _ = Plan.from_estimates(known)
+    (plan, *_), _ = Plan.from_estimates(known)
     short, long = (replace(plan, corr_time=t).hours_needed(0.1, 0.2)["sigma_b"] for t in (5, 1000))
     assert short > long
     whole = np.array([1.0, 5 * 3600 - 1.0]), np.zeros(2)  # s, a log of five hours

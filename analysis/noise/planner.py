@@ -113,8 +113,8 @@ class Plan:
             raise WrongUsage(said("no_plan")) from error
 
     @classmethod
-    def from_estimates(cls, parameters: Mapping[str, Estimate]) -> tuple["Plan | None", bool]:
-        """Make a plan from the parameters of a first log, or from their bounds where unresolved.
+    def from_estimates(cls, parameters: Mapping[str, Estimate]) -> tuple[list["Plan"], bool]:
+        """Make plans from the parameters of a first log, or from their bounds where unresolved.
 
         Parameters
         ----------
@@ -123,39 +123,43 @@ class Plan:
 
         Returns
         -------
-        plan : Plan or None
-            None if the log does not resolve its white noise.
+        plans : list of Plan
+            The plan, then those at the ends of the correlation time. Where this has a lower bound
+            alone, those of longer and longer ones. Empty if the log does not resolve its white
+            noise.
         at_least : bool
-            The correlation time is a lower bound, and so are the hours.
+            The correlation time is a lower bound, and so are the least hours of all plans.
         """
         known = {k: e.value for k, e in parameters.items() if e.resolved and e.value is not None}
         if "sigma_v" not in known:
-            return None, False
+            return [], False
+        white, sigma, time = known["sigma_v"], parameters["sigma_b"], parameters["corr_time"]
+        walk = parameters.get("rrw", Estimate.refused("", ""))
         if "corr_time" in known:
-            return cls(known["sigma_v"], known.get("sigma_b"), known["corr_time"]), False
-        sigma, time = parameters["sigma_b"], parameters["corr_time"]
+            return [cls(white, sigma.value, t) for t in (time.value, time.low, time.high)], False
         if time.low and sigma.low:
-            return cls(known["sigma_v"], sigma.low, time.low), True
+            # Not the smallest bias, which is lost in white noise and takes longest, but the largest
+            # random walk that the log leaves: of a longer time it stands further out of the noise.
+            most = max(sigma.low / np.sqrt(time.low), (walk.high or 0.0) / np.sqrt(2))
+            return [cls(white, most * np.sqrt(t), t) for t in time.low * 2.0 ** np.arange(12)], True
         # B is the floor of the Allan deviation, not the size of a flicker noise.
-        return cls(known["sigma_v"], rrw=known.get("rrw")), False
+        return [cls(white, rrw=known.get("rrw"))], False
 
     def _hours(self, dt, wanted):
         def short_by(log_hours, name):
             error = self.relative_error(dt, np.exp(log_hours))[name]
             return np.log(min(error / wanted, UNKNOWN))
 
-        hours, longest = {}, np.log(LONGEST_H)
-        for name in self.given():
+        hours, longest = dict.fromkeys(self.given()), np.log(LONGEST_H)
+        for name in hours:
             # The asymptotic error does not hold for few samples or few correlation times.
             times = 10 * self.corr_time if name in ("sigma_b", "corr_time") else 0.0
             least = np.log(max(1000 * dt, times) / 3600)
-            hours[name] = None
             if least >= longest:
                 continue
             first, last = short_by(least, name), short_by(longest, name)
             if first <= 0:
                 hours[name] = float(np.exp(least))
             elif last <= 0:
-                root = brentq(short_by, least, longest, args=(name,), xtol=1e-3)
-                hours[name] = float(np.exp(root))
+                hours[name] = float(np.exp(brentq(short_by, least, longest, (name,), xtol=1e-3)))
         return hours

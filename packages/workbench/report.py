@@ -2,7 +2,6 @@
 
 import base64
 import json
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -99,27 +98,24 @@ def hours_to_record(channel, dt):
     said : Said
         The hours, those at the ends of T_c among them; or why there is no plan.
     """
-    plan, at_least = Plan.from_estimates(channel.parameters)
-    if plan is None:
+    plans, at_least = Plan.from_estimates(channel.parameters)
+    if not plans:
         return {}, Said("no_plan", {"why": ""})
-    # The hours grow with the correlation time, which has an interval of its own.
-    time = channel.parameters["corr_time"]
-    times = (time.low, time.high) if time.resolved else ()
-    each = [plan, *(replace(plan, corr_time=t) for t in times)]
     try:
-        hours, *ends = (one.hours_needed(dt, verdict.KNOWN) for one in each)
+        each = [one.hours_needed(dt, verdict.KNOWN) for one in plans]
     except WrongUsage as error:
         return {}, Said("no_plan", {"why": str(error)})
-    plans = []
+    hours, told = each[0], []
     lasts = (channel.whole[0][-1] + channel.whole[0][0]) / 3600
     for name, needed in hours.items():
         spans = None
         if name in ("sigma_b", "corr_time"):
-            known = (h[name] for h in (hours, *ends) if ends)
-            spans = sorted(known, key=lambda h: (h is None, h))
-            needed = max(needed, lasts) if needed and at_least else needed  # it was not enough
-        plans.append((SYMBOLS[name], needed, spans))
-    said = Said("record", {"plans": plans, "at_least": at_least})
+            spans = sorted((h[name] for h in each), key=lambda h: (h is None, h))
+            if at_least:
+                hours[name], spans = spans[0], []
+                needed = hours[name] and max(hours[name], lasts)  # it was not enough
+        told.append((SYMBOLS[name], needed, spans))
+    said = Said("record", {"plans": told, "at_least": at_least})
     return {SYMBOLS[name]: h for name, h in hours.items()}, said
 
 
