@@ -93,18 +93,20 @@ def repeatability(means, unit, kind):
 
     Parameters
     ----------
-    means : sequence of float, U
-        Mean reading of each log.
+    means : array, shape (logs,) or (logs, axes), U
+        Mean reading of each log, or of each of its axes: these differ for other reasons too.
     unit, kind : str
 
     Returns
     -------
     Estimate
-        With the chi-square interval of normal biases. Refused for other kinds than a rate: there
-        the mean holds gravity, attitude or place.
+        With the chi-square interval of normal biases. Refused of one log, and for other kinds than
+        a rate: there the mean holds gravity, attitude or place.
     """
-    freedom = len(means) - 1
-    value = float(np.std(means, ddof=1))
+    if len(means) < 2:
+        return Estimate.refused(unit, said("no_repeat"))
+    spread = np.std(means, axis=0, ddof=1)
+    freedom, value = (len(means) - 1) * spread.size, float(np.sqrt(np.mean(spread**2)))
     low, high = value * np.sqrt(freedom / chi2.ppf([0.975, 0.025], freedom))
     if kind != "rate":
         return Estimate.refused(unit, said("no_repeats"), high=float(high))
@@ -162,9 +164,8 @@ def deviation(walk, time, unit):
     if value is None:
         return Estimate.refused(unit, (time if walk.resolved else walk).note, low=low, high=high)
     errors = np.log(np.divide(walks, walk.value)), np.log(np.divide(times, time.value)) / 2
-    down, up = np.hypot(*errors)[1:]
-    ends = float(value * np.exp(-down)), float(value * np.exp(up))
-    return Estimate(value, *ends, unit, note=time.note)
+    ends = value * np.exp(np.hypot(*errors)[1:] * (-1, 1))
+    return Estimate(value, *map(float, ends), unit, note=time.note)
 
 
 def profile_of_unit(likelihood, fit, what):
@@ -315,9 +316,8 @@ def _marginal(curve, mu, s):
     at, fall = curve.at, curve.fall
     slope = np.diff(fall) / np.diff(at)
     # A side does not rise again where its curve ends: that would be more than it has lost.
-    low = max(slope[0], 0.0) if curve.closed[0] else 0.0
-    high = min(slope[-1], 0.0) if curve.closed[1] else 0.0
-    slope = np.concatenate([[low], slope, [high]])[:, None, None]
+    sides = np.clip(slope[[0, -1]], (0.0, -np.inf), (np.inf, 0.0)) * curve.closed
+    slope = np.concatenate([sides[:1], slope, sides[1:]])[:, None, None]
     # Piece j runs from a to b along fall[from_] + slope (theta - at[from_]).
     start = np.concatenate([[-np.inf], at])[:, None, None]
     stop = np.concatenate([at, [np.inf]])[:, None, None]

@@ -227,6 +227,11 @@ def test_repeatability_of_the_bias_covers():
     means = 0.3 * np.random.default_rng(5).standard_normal((400, 3))
     found = [pool.repeatability(m, "deg/s", "rate") for m in means]
     assert 380 - 13 <= sum(e.low <= 0.3 <= e.high for e in found) <= 380 + 13
+    by_axis = pool.repeatability(means[:2].T + np.array([0.0, 50.0]), "deg/s", "rate")
+    of_both = np.mean([e.value**2 for e in found[:2]])
+    assert by_axis.value == pytest.approx(np.sqrt(of_both))  # not how far two axes are apart
+    one = pool.repeatability([[0.1, 0.2, 0.3]], "deg/s", "rate")
+    assert (one.resolved, one.low, one.high) == (False, None, None)
     lying = pool.repeatability(means[0], "g", "accel")
     assert not lying.resolved and lying.high == pytest.approx(found[0].high)
 

@@ -66,6 +66,7 @@ def write(logs, out, *, axes=False):
             for part in ("parameters", "spread"):
                 found[part] = {key: plain(e) for key, e in found[part].items()}
             means = [float(np.nanmean(c.values)) for _, c in members]
+            by_log = np.reshape(means, (-1, len(logs))).T  # a column for each axis
             channels.append(
                 {
                     "name": name,
@@ -76,7 +77,7 @@ def write(logs, out, *, axes=False):
                         for (log, c), mean in zip(members, means, strict=True)
                     ],
                     **found,
-                    "bias_repeatability": plain(repeatability(means, c.unit, c.kind)),
+                    "bias_repeatability": plain(repeatability(by_log, c.unit, c.kind)),
                 }
             )
     known = [c.name for c in logs[0].channels]
