@@ -14,7 +14,7 @@ import pandas as pd
 from analysis import CannotAnswer, Estimate, WrongUsage, datasheets, in_one_unit, terrain_data
 from analysis.datasheets import LEADING, UNITS
 from analysis.noise.added_terms import signal_of
-from analysis.noise.models import adev_of_terms
+from analysis.noise.models import FLICKER, adev_of_terms
 from analysis.noise.notes import tells
 from analysis.noise.parameters import PARAMETERS
 from sensorlogs import grouped
@@ -238,7 +238,8 @@ def within_datasheet(result, sheet, why):
                 said.append(Said("not_stated", about))
                 continue
             stated = float(row[column].iloc[0]) / UNITS[kind][channels[0].unit]
-            found = [(c.name, *_judge(c.parameters[key], stated)) for c in channels]
+            floor = FLICKER if key == "bias_instability" else 1.0  # what most sheets call B
+            found = [(c.name, *_judge(c.parameters[key], stated, floor)) for c in channels]
             outcomes += [outcome for _, outcome, _ in found]
             about["stated"] = Estimate(stated, None, None, channels[0].parameters[key].unit)
             said.append(Said("stated", about | {"groups": _in_groups(found)}))
@@ -246,12 +247,15 @@ def within_datasheet(result, sheet, why):
     return Answer(Said("within", {"part": sheet["name"].iloc[0]}), answer, [said, [why]])
 
 
-def _judge(estimate, stated):
-    """Hold an interval against a stated value: within, above or open; and value over stated."""
+def _judge(estimate, stated, least):
+    """Hold an interval against a stated value: within, above or open; and value over stated.
+
+    A sheet that means something smaller by the name, `least` times ours, is exceeded if that is.
+    """
     if estimate.high is not None and estimate.high <= stated:
         return "within", None
-    if estimate.low is not None and estimate.low > stated:
-        return "above", estimate.value and estimate.value / stated
+    if estimate.low is not None and least * estimate.low > stated:
+        return "above", estimate.value and least * estimate.value / stated
     return "open", None
 
 
