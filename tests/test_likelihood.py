@@ -7,13 +7,22 @@ import numpy as np
 import pytest
 from refused import where_here
 from scipy.fft import dct
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 from scipy.stats import chi2, multivariate_normal
 
 import sensorlogs as logs
-from analysis.noise import UnifiedModel, added_terms, fit, inference, likelihood, spectrum
+from analysis.noise import (
+    UnifiedModel,
+    added_terms,
+    characterise,
+    fit,
+    inference,
+    likelihood,
+    spectrum,
+)
 from analysis.noise.fit import NoiseLikelihood, choose
 from analysis.noise.inference import infer, lost_in_means
+from analysis.noise.parameters import SIZES
 from analysis.noise.profile_likelihood import Surface, interval, profile_curve
 from studies import coverage
 
@@ -436,19 +445,27 @@ def test_a_richer_model_is_never_worse(seed):
     assert richer.aic == pytest.approx(2 * 4 - 2 * richer.log_likelihood, abs=1e-3)
 
 
-@pytest.mark.parametrize("n", [60_000, 12_000])
+@pytest.mark.parametrize("n", [72_000, 12_000])
 def test_white_noise_behind_a_first_order_low_pass_is_its_plateau(n):
     """analytic: sigma_v of the unfiltered noise, where the filtered one is a Gauss-Markov bias.
 
-    Where the log is too short to average over the filter, the upper bound of N holds the plateau.
+    Of a log too short to average over the filter it is a lower bound.
     """
-    dt, keep, long = 0.1, np.exp(-0.1 / 0.8), n == 60_000
+    dt, keep, long = 0.1, np.exp(-0.1 / 0.8), n == 72_000
     y = lfilter([1 - keep], [1, -keep], 0.06 * np.random.default_rng(3).standard_normal(n))
-    rate, angle = (
-        infer(y, dt, unit, kind, np.random.default_rng(4)).parameters
-        for unit, kind in (("deg/s", "rate"), ("deg", "angle"))
-    )
-    e = rate["sigma_v"]
-    assert e.resolved == long != rate["sigma_b"].resolved and 0.06 < e.high < 0.075
-    assert 0.06 < 1.25 * e.low < 0.075 if long else e.low is None
-    assert angle["sigma_v"].high < 0.03  # the noise of one sample, not N
+    found = infer(y, dt, "deg/s", "rate", np.random.default_rng(4)).parameters
+    e = found["sigma_v"]
+    assert e.resolved == long and e.low < 0.06 and not found["sigma_b"].resolved
+    assert 0.06 < e.high < 1.6 * e.low if long else e.high is None
+
+
+@pytest.mark.parametrize("cutoff", [0.5, 3.0, 8.0])
+def test_a_short_log_behind_a_strong_low_pass_gives_no_wrong_number(cutoff):
+    """property: of a minute behind a filter like an MPU-6050's no slow noise is made up."""
+    b, a = butter(2, cutoff, fs=100.0)
+    for seed in range(6):
+        y = lfilter(b, a, 0.1 * np.random.default_rng(seed).standard_normal(6500))[500:]
+        about = {"name": "x", "unit": "deg/s", "kind": "rate", "rng": np.random.default_rng(4)}
+        found = characterise(y, 0.01, **about).parameters
+        assert (found["arw"].low or 0.0) < 0.01 < (found["arw"].high or np.inf)
+        assert not any(found[name].resolved for name in SIZES)

@@ -300,7 +300,7 @@ def test_a_band_agrees_in_its_highest_octaves(octave, factor, beyond, monkeypatc
 
 
 def test_a_filter_is_seen_by_neighbours_and_by_its_bias():
-    """known case: 3 % in the power of steps; a bias that 512 means of 8 of its times outlast."""
+    """known case: 3 % in the power of steps; in power."""
     y = np.random.default_rng(1).standard_normal(1000)
     y[500] = np.nan
     level = np.nanmean(np.diff(y) ** 2) / 2
@@ -308,26 +308,41 @@ def test_a_filter_is_seen_by_neighbours_and_by_its_bias():
         fit = SimpleNamespace(terms={"sigma_v": [np.sqrt(level / (1 + off))]})
         assert inference.as_noisy(y, fit) == (abs(off) < 0.03)
     assert inference.as_noisy(np.where(np.arange(1000) % 2, y, np.nan), fit)  # no neighbours
-    likelihood = SimpleNamespace(duration=10_000.0)
-    for times, low, filtered in (
-        ([2.4, 900.0], None, True), ([2.5, 900.0], None, False),
-        ([2.4, 900.0], 0.1, False), ([], None, False),
-    ):  # fmt: skip
-        likelihood.interval = lambda fit, what, low=low: (low, 1.0)
-        fit = SimpleNamespace(terms={"corr_time": times} if times else {})
-        assert inference.low_passed(likelihood, fit) == filtered
+
+
+def test_white_noise_rules_where_it_has_four_fifths_of_the_power():
+    """analytic: of 1 / (4 sin^2 x), a random walk of unit steps, the mean above a third is 0.4135.
+
+    Rounding is no slow noise.
+    """
+    y, dt = np.random.default_rng(1).standard_normal(9000), 0.01
+    likelihood = NoiseLikelihood.of_log(y, dt)
+    for steps, rules in ((0.59, True), (0.62, False)):
+        sizes = {"sigma_v": 1.0, "rrw": np.sqrt(steps / dt), "quantisation": 1e-9}
+        for rounded, expected in ((1e-9, rules), (1.0, True)):
+            sizes["quantisation"] = rounded * dt
+            names = (*MODELS["N+K"], "quantisation")
+            fit = Fit("N+K+Q", {}, 0.0, 0.0, np.log([sizes[name] for name in names]), names)
+            assert inference.white_rules(likelihood, fit) == expected
 
 
 @pytest.mark.parametrize(("case", "averaged"), [
     ({}, 1), ({"beyond": 4}, 16),  # clean means of 4, and two doublings more
-    ({"beyond": 99}, 64),  # at least 256 are left
+    ({"beyond": 99, "least": 1310.72}, 64),  # at least 256 are left
     ({"lost": 10}, 2), ({"lost": 10, "noisy": False}, 8),  # one sample of ten: two at least
     ({"time": 0.079}, 16), ({"time": 0.081}, 1),  # eight means of a filter
     ({"beyond": 2, "time": 0.159}, 16), ({"beyond": 2, "time": 0.161}, 8),
     ({"time": 0.079, "N": 3.8}, 1), ({"time": 0.079, "N": 3.9}, 16),  # white noise does as well
-    ({"low_passed": True}, 8), ({"low_passed": True, "kind": "angle"}, 1)])  # fmt: skip
+    ({"slow": 2}, 8), ({"slow": 99, "kind": "angle"}, 1),
+    # The samples' own fit, if there is one; else as many as two steps more ask for.
+    ({"slow": 99, "tried": 64}, 1), ({"slow": 99, "beyond": 2, "least": 1310.72}, 64),
+    ({"slow": 16}, 64), ({"slow": 32, "least": 327.68}, 64), ({"beyond": 64, "least": 655.36}, 64),
+])  # fmt: skip
 def test_averaging_goes_on_until_no_filter_shows(case, averaged, monkeypatch):
-    """known case: until models agree without a quick bias, then two steps; 256 means are left."""
+    """known case: until models agree without a quick bias, then two steps; 256 means are left.
+
+    Of a log that ends before, and shows a filter, nothing of the noise is given.
+    """
     n, dt, at = 16_384, 0.01, []
 
     def spectra(y, dt, m, left_out):
@@ -344,22 +359,26 @@ def test_averaging_goes_on_until_no_filter_shows(case, averaged, monkeypatch):
         "lines": lambda y, dt: ((), []), "spectra": spectra, "fit_all": fit_all,
         "NoiseLikelihood": lambda pieces, detrend: SimpleNamespace(spectrum=pieces, scale=1.0),
         "disagreement": lambda *_: (0.9, at[-1] < case.get("beyond", 0)),
-        "low_passed": lambda *_: at[-1] == 1 and "low_passed" in case,
+        "white_rules": lambda *_: at[-1] >= case.get("slow", 0),
         "as_noisy": lambda *_: case.get("noisy", True), "lost_in_means": lambda *_: (0.0, 0.0),
         "add_terms": lambda result, *_: (result, None), "_parameters": lambda *_: {},
-        "uneven": lambda *_: [], "_judged": lambda result, *_: result,
+        "uneven": lambda *_: [],
+        "_judged": lambda result, _, found: replace(result, disturbances=found),
     }  # fmt: skip
     stubbed(monkeypatch, **stubs)
     y = np.random.default_rng(1).standard_normal(n)
     y[9 :: case.get("lost", n)] = np.nan
     found = inference.infer(y, dt, "deg/s", case.get("kind", "rate"), np.random.default_rng(1))
     assert (found.averaged, found.fewest) == (averaged, 1 + ("lost" in case))
-    assert at == [2**k for k in range(7) if found.fewest <= 2**k <= averaged]
+    assert at == [2**k for k in range(7) if found.fewest <= 2**k <= case.get("tried", averaged)]
+    told = [d.note for d in found.disturbances if d.kind == "filter"]
+    needed = [said("filter_white", least=case.get("least", 0.0)), said("filter_slow")]
+    assert told == needed * ("least" in case)
     why = said("means_missing" if averaged == 2 else "means_filtered")
     assert found.band == inference.listed(
         (said("means", m=averaged, width=averaged * dt) + why) * (averaged > 1),
         said("unused", share=1 - 0.8 * n / np.isfinite(y).sum()),
-        said("misfits", percent=3.0, misfit=90.0) * (averaged == 64),
+        said("misfits", percent=3.0, misfit=90.0) * (case.get("least") == 1310.72),
     )
 
 

@@ -54,7 +54,7 @@ class Disturbance:
     ----------
     kind : str
         warm_up, step, sinusoid, temperature, noise_level, heavy_tails, spikes, stuck,
-        resolution, saturation, oscillation, missing, motion or misfit.
+        resolution, saturation, filter, oscillation, missing, motion or misfit.
     start_s, end_s : float
         Where in the log, s from its first sample.
     note : str
@@ -110,7 +110,8 @@ def adjusted(estimate: Estimate, name: str, disturbances: Iterable[Disturbance])
     note = listed(estimate.note, *(d.note for d in found))
     for d in found:
         if d.widens is None:
-            low, high = (None if share is None else share * value for share in d.bounds)
+            least, high = (None if share is None else share * value for share in d.bounds)
+            low = least and min(least, low)
             if d.ends:
                 parts = (Estimate(share * value, None, None, estimate.unit) for share in d.ends)
                 first, last = (part.value_text for part in parts)

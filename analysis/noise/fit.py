@@ -201,9 +201,7 @@ class NoiseLikelihood:
     ) -> tuple[float | None, float | None]:
         """95 % profile-likelihood interval of ``sigma_v``, ``sigma_b``, ``corr_time``, ``rrw``...
 
-        Of two Gauss-Markov terms it is the longer one's; of the ``plateau``, N of the white noise
-        that a first-order low-pass makes such a bias of, the shorter one's. `fall` is that of
-        2 ln L at its ends.
+        Of two Gauss-Markov terms it is the longer one's. `fall` is that of 2 ln L at its ends.
 
         Returns
         -------
@@ -308,16 +306,13 @@ def _peaks(surface, grid):
 
 
 def direction(fit, what):
-    """Write ln of ``what``, as for `NoiseLikelihood.interval`, as along @ point + offset."""
+    """Write ln of ``what`` as along @ point + offset; of two Gauss-Markov terms, the longer."""
     names, along, offset = fit.names, np.zeros(len(fit.names)), 0.0
-    if what in ("walk", "sigma_b", "corr_time", "plateau"):
-        pick = min if what == "plateau" else max
-        i = pick((i for i, n in enumerate(names) if n == "corr_time"), key=lambda i: fit.point[i])
+    if what in ("walk", "sigma_b", "corr_time"):
+        i = max((i for i, n in enumerate(names) if n == "corr_time"), key=lambda i: fit.point[i])
         along[i - (what == "walk")] = 1.0
         if what == "sigma_b":  # sigma_b = walk sqrt(T / 2)
             along[[i - 1, i]], offset = (1.0, 0.5), -0.5 * np.log(2)
-        elif what == "plateau":  # sigma_b sqrt(2 T)
-            along[i - 1] = 1.0
     else:
         along[names.index(what)] = 1.0
     return along, offset

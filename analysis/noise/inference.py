@@ -2,11 +2,13 @@
 
 First the band is chosen. A filter inside a sensor correlates neighbouring samples, which no model
 here describes. So samples are averaged, 1, 2, 4 ... at a time, until the log is described without a
-correlation time as short as a few means, and the model agrees with the spectrum within 3 % in the
-highest octaves; then two steps more, as a margin of safety. sigma_v is the noise level within the
-fitted band; behind a low-pass, means lack noise, which is added (`lost_in_means`). Where single
-samples are missing, averaging starts with as many as leave no gap. Lines of the spectrum, which a
-vibrating bench has, are left out: the likelihood of the other frequencies is as exact without them.
+correlation time as short as a few means, the model agrees with the spectrum within 3 % in the
+highest octaves, and white noise rules there (of gyros and accelerometers; behind a low-pass it
+looks like slow noise); then two steps more, as a margin of safety. A log too short for them gives N
+a lower bound, and no slow noise. sigma_v is the noise level within the fitted band; behind a
+low-pass, means lack noise, which is added (`lost_in_means`). Where single samples are missing,
+averaging starts with as many as leave no gap. Lines of the spectrum, which a vibrating bench has,
+are left out: the likelihood of the other frequencies is as exact without them.
 
 The linear drift has a profile likelihood over a grid of the biases that the log allows. A slow bias
 can look like a drift, the more so the longer its correlation time, and generalised least squares
@@ -30,7 +32,7 @@ from analysis.noise.goodness import Test, by_octave, goodness_of_fit, stationari
 from analysis.noise.likelihood import bin_variance, evaluate, simulate
 from analysis.noise.notes import listed, said
 from analysis.noise.over_models import PART, Floor, envelope, widest
-from analysis.noise.parameters import BY_TERM, DENSITY, SLOW, unit_of
+from analysis.noise.parameters import BY_TERM, DENSITY, SIZES, SLOW, WHITE, unit_of
 from analysis.noise.profile_likelihood import LEVEL, THRESHOLD, interval
 from analysis.noise.spectrum import USED, fewest_to_average, spectra
 
@@ -184,9 +186,7 @@ class Inference:
         """White noise of a sample, U, with a note on the band it was fitted in."""
         white = self.estimate("sigma_v", self.band, said("masked"))
         if rate and white.low is None and self.chosen.terms.get("corr_time"):
-            plateau = self.likelihood.interval(self.chosen, "plateau")[1]
-            highest = max(white.high, (plateau or 0.0) / np.sqrt(self.coarse.dt))
-            return replace(white, high=highest, note=listed(white.note, said("or_filtered")))
+            return Estimate.refused(white.unit, listed(white.note, said("or_filtered")))
         if self.averaged == self.fewest or white.low is None or white.high is None:
             return white
         low, high = white.low * (1 - AGREE / 2), white.high * (1 + AGREE / 2)
@@ -337,6 +337,7 @@ def infer(
     fewest = fewest_to_average(y, len(y) / (2 * FEWEST_MEANS))
     m, rate, cleared = fewest, kind in DENSITY, 0  # the first m without a filter
     fits: dict[str, Fit] = {}
+    masked = None  # the samples' own fit, where slow noise seems to rule
     pieces = finest = transformed(m)
     if pieces is None:
         raise CannotAnswer(said("no_stretch"))
@@ -348,17 +349,29 @@ def infer(
         near = [f for f in fits.values() if f.end == chosen.end and f.aic <= chosen.aic + THRESHOLD]
         fastest = max(min(f.terms.get("corr_time", ()), default=np.inf) for f in near)
         clean = not beyond and fastest >= FILTER * m * dt
-        clean &= not (rate and low_passed(likelihood, chosen))
-        cleared = cleared or (m if clean else 0)
         unfiltered = m == 1 or (m == fewest and as_noisy(y, chosen))
-        beyond_filter = cleared and m >= cleared << MARGIN
-        if (clean and unfiltered) or beyond_filter or len(y) < 2 * m * FEWEST_MEANS:
+        if clean and rate and not white_rules(likelihood, chosen):
+            masked = masked or (unfiltered and (likelihood, m, fits, chosen))
+            clean = False
+        cleared = cleared or (m if clean else 0)
+        settled = (clean and unfiltered) or (cleared and m >= cleared << MARGIN)
+        if settled or len(y) < 2 * m * FEWEST_MEANS:
             break
         pieces = transformed(2 * m)
         wider = pieces and NoiseLikelihood(pieces, detrend=detrend)
         if wider is None or wider.scale < EXACT * likelihood.scale:
             break  # gaps leave nothing to average, or a pattern averages out to the last digit
         likelihood, m = wider, 2 * m
+    if masked and not cleared:
+        likelihood, cleared, fits, chosen = masked
+        m = cleared
+    elif rate and not settled:
+        least, end = 2 * FEWEST_MEANS * dt * ((cleared or 2 * m) << MARGIN - 1), len(y) * dt
+        white, slow = said("filter_white", least=least), said("filter_slow")
+        disturbances += [
+            Disturbance("filter", 0.0, end, white, WHITE, bounds=(1.0, None)),
+            Disturbance("filter", 0.0, end, slow, (*SIZES, "corr_time")),
+        ]
     lack = lost_in_means(finest, likelihood, chosen)
     used = likelihood.spectrum.length @ likelihood.spectrum.behind / m / np.isfinite(y).sum()
     why = said("means_filtered" if m > fewest else "means_missing")
@@ -550,15 +563,16 @@ def lost_in_means(finest, likelihood, fit):
     return float(lack), float(norm.ppf(0.975) * np.sqrt(FOLDED / (count / 2)))
 
 
-def low_passed(likelihood, fit):
-    """Whether the fastest bias is white noise behind a first-order low-pass, which looks alike.
+def white_rules(likelihood, fit):
+    """Whether white noise, or rounding, has most of the power in the highest octave.
 
-    It leaves the white noise no lower end, and the log is long enough to average twice as long as
-    it lasts.
+    Behind a low-pass it does not: this looks like a quick bias, or like flicker noise.
     """
-    fastest = min(fit.terms.get("corr_time", ()), default=np.inf)
-    quick = 2 * FILTER * FEWEST_MEANS * fastest <= likelihood.duration
-    return quick and likelihood.interval(fit, "sigma_v")[0] is None
+    stretch, terms = likelihood.spectrum, likelihood.terms(fit)
+    of_white = replace(terms, bias=(), rrw=None, flicker=None)
+    power = [stretch.count * bin_variance(stretch, of)[0] for of in (of_white, terms)]
+    white, every = (sums[0] for sums in by_octave(stretch, *power)[1])
+    return white > SHARE * every
 
 
 def as_noisy(y, fit):

@@ -27,6 +27,7 @@ IN_SUMMARY = tuple(k for k, p in PARAMETERS.items() if "kinds" in p)  # of gyros
 SLOW = ("sigma_v", "sigma_b")  # of an angle or a position
 STATES = ("known", "wide", "rough", "short", "disturbed")  # of a number, in the order they are told
 KNOWN = 0.2  # half width of an interval, relative, with which a number is known well
+FILTER = "filter"  # disturbs nothing: the log is too short for it
 HARMLESS = ("spikes", "stuck", "oscillation")  # disturbances that refuse nothing, but are told
 TRACKERS = ("bias states", "R tuned")  # of the error plane that all pages share
 
@@ -72,7 +73,7 @@ def long_enough(result, needed):
     """
     found = {}
     for c in result.channels:
-        hurt = {name for d in c.fit["disturbances"] for name in d["affects"]}
+        hurt = {name for d in c.fit["disturbances"] if d["kind"] != FILTER for name in d["affects"]}
         for key in LEADING.get(c.kind, SLOW):
             e, half = c.parameters[key], 0.0
             state = "disturbed" if key in hurt else "short"
@@ -123,7 +124,8 @@ def _filtered(channels):
         c
         for c in channels
         if c.fitted_from > 1.5 * c.short[0][1]
-        and np.std(np.diff(c.short[1])) / np.sqrt(2) < (c.parameters["sigma_v"].low or 0.0)
+        and c.parameters["sigma_v"].resolved
+        and np.std(np.diff(c.short[1])) / np.sqrt(2) < c.parameters["sigma_v"].low
     ]
     about = {"names": _axes([c.name for c in found], [c.name for c in channels])}
     about["tau"] = max((c.fitted_from for c in found), default=0.0)
@@ -140,7 +142,7 @@ def _found(result):
         for kind, size in sizes:
             fitted.setdefault((kind, size.unit), []).append((abs(size.value), c.name))
         for d in c.fit["disturbances"]:
-            if d["affects"] or d["kind"] in HARMLESS:
+            if d["kind"] in HARMLESS or (d["affects"] and d["kind"] != FILTER):
                 others.setdefault((d["kind"], bool(d["affects"])), []).append(c.name)
     said = []
     for (kind, unit), found in fitted.items():
