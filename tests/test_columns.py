@@ -44,6 +44,7 @@ def left_out(log):
 ROS = "header.seq,header.stamp.secs,header.stamp.nsecs,angular_velocity.x,angular_velocity.y"
 
 
+INCLUDING = "IncludingGravity"
 NO_READINGS = {  # header, columns, what is given, channels, what is left out and why
     "sensor logger": (
         "time,seconds_elapsed,z,y,x", (1e9 * UNIX, T, GYRO), {"unit": "rad/s"}, "z y x",
@@ -64,6 +65,19 @@ NO_READINGS = {  # header, columns, what is given, channels, what is left out an
     "no gravity": (
         "t,a_x,a_y,a_z,linear acc x,linear acc y,linear acc z", (T, 9.80665 * ACCEL, FREE),
         {"unit": "m/s^2"}, "a_x a_y a_z", "linear acc z (accel with gravity taken off)"),
+    "physics toolbox": (
+        "time,gFx,gFy,gFz,ax,ay,az", (T, ACCEL, 9.80665 * FREE), {"unit": "g"}, "gFx gFy gFz",
+        "ax, ay, az (accel with gravity taken off)"),
+    "a web page": (
+        "t_s," + ",".join(f"acceleration{of}.{a}" for of in ("", INCLUDING) for a in "xyz"),
+        (T, FREE, ACCEL), {"unit": "g"}, " ".join(f"acceleration{INCLUDING}_{a}" for a in "xyz"),
+        "acceleration.z (accel with gravity taken off)"),
+    "xsens dot": (
+        "t_s,FreeAcc_X,Acc_X", (T, FREE[:, 0], ACCEL[:, 0]), {"unit": "g"}, "Acc_X",
+        "FreeAcc_X (accel with gravity taken off)"),
+    "composite": (
+        "t_s,gyroX,gyroComposite:C", (T, GYRO[:, :2]), {"unit": "deg/s"}, "gyroX",
+        "gyroComposite:C (a norm)"),
     **{f"{name} of {value}": (  # a number that no temperature has
         f"t_s,gyro_x_rad_s,{name}", (*GYRO_X, np.full(N, value)), {}, "gyro_x",
         f"{name} (a temperature)")
@@ -161,6 +175,8 @@ READ = [  # header, columns, what is given -> kind and unit of the channels, in 
     ("", (*RATES, ACCEL), {"unit": "gyro=deg/s,accel=g", "time": 1},
      3 * ["rate deg/s"] + 3 * ["accel g"]),
     ("", (*RATES, ACCEL), {"unit": "accel=g", "time": 1}, 3 * ["accel g"]),
+    ("", RAW, {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131,accel=1/16384", "time": 1},
+     3 * ["accel g"] + 3 * ["rate deg/s"]),
     ("t,roll (rads),pitch_degs,yaw_rad_s", RATES, {}, ["angle rad", "angle deg", "rate rad/s"]),
     ("t_s,gyro_x_dph,delta_v_x_m_s", (T, 3600 * GYRO[:, :2]), {}, ["rate deg/h"]),
     ("t,accel_x_g (m/s^2)", (T, 9.8 * ACCEL[:, 2]), {}, ["accel m/s^2"]),
@@ -205,7 +221,12 @@ ASKED = [  # header, columns, what is given -> words of the refusal, flags that 
     (THREE, M_S2, BARE, "length of one g in m/s^2: say --columns gx,gy,gz", None),
     (THREE, (T, FALLING), {}, "--scale gyro=1/131", None),
     (NUMBERED, NINE, {}, "--unit gyro=deg/s,accel=m/s^2", None),
-    ("t,gyro_x_deg_s", (1e6 * T, GYRO[:, 0]), {}, "--time-unit us", None),
+    ("t,gyro_x_deg_s", (1e6 * T, GYRO[:, 0]), {}, "--time-unit us if that is 100 Hz", None),
+    ("", (*RATES, ACCEL, 25 + WHITE[:, 0]), SIX_UNITS | {"time": 1},
+     "which of c2, c3, c4, c8 are gyros: say --columns c5,c6,c7,... with these", []),
+    *((f"{name},SampleTimeFine,gyro_x_deg_s", (3 * np.arange(N), 1e6 * T, GYRO[:, 0]), {},
+       "--time COLUMN (column 'SampleTimeFine' only ever", [{"--rate": "HZ"}])
+      for name in ("PacketCounter", "Packet number", "DATA_CNTR")),
     ("", (*RATES, ACCEL), BARE | {"time": 1}, "for channels of one kind", None),
     ("t,gyro_x_deg_s [rad/s]", GYRO_X, {}, "'gyro_x_deg_s [rad/s]' is in deg/s and rad/s", None),
     *((f"t_s,{name}", GYRO_X, {}, f"{name} (an increment: name it as a rate, gyro_x_rad_s", [])
@@ -255,6 +276,15 @@ def test_the_unit_of_time_can_be_given(tmp_path):
     assert "(--time-unit overrules)" in logs.read(path).repairs[0]
 
 
+@pytest.mark.parametrize(("name", "per_s"), [
+    ("utcTimeMillis", 1e3), ("TimeUS", 1e6), ("timestampNs", 1e9), ("epoc (ms)", 1e3), ("GPST", 1),
+    ("Shimmer_Timestamp_Unix_CAL (ms)", 1e3)])  # fmt: skip
+def test_names_of_time(tmp_path, name, per_s):
+    """Published: of GnssLogger, ArduPilot, MetaMotion, RTKLIB (beside ns, satellites), Shimmer."""
+    log = logs.read(write(tmp_path, f"{name},gyro_x_deg_s,ns", T * per_s, GYRO[:, 0], 0 * T + 12))
+    assert log.rate_hz == pytest.approx(100) and log.samples == N
+
+
 @pytest.mark.parametrize("name", ["temp", "Temperature (°C)", "T(°)"])
 def test_temperature_is_kept_in_degrees_celsius(tmp_path, name):
     """Analytic: on the grid of the channels, drawn straight over what is missing."""
@@ -299,10 +329,12 @@ NAMED = {  # what replay and compare take a name for | kind, what it is if no re
     "gyro_z | rate": "yaw_rate",
     "accel_x | accel": """\
       ax accX accel_x acceleration_x accelerometerAccelerationX linear_acceleration.x linacc_x
-      userAcceleration.x imu_acc_x_m_s2 specific_force_x g_force_x total_acceleration_x""",
+      userAcceleration.x AcX gFx accelerationIncludingGravity.x imu_acc_x_m_s2
+      specific_force_x g_force_x total_acceleration_x""",
     "accel_y | accel": "a_y ay", "accel_z | accel": "motionUserAccelerationZ",
     "roll | angle": "roll roll_deg",
-    "lat |  | another quantity": "lat lat_deg latitude GPS_Lat LOCATION_Latitude_:",
+    "height |  | ": "elevation ele", "lat | position | another quantity": "position_lat",
+    "lat |  | another quantity": "lat lat_deg LatitudeDegrees latitude GPS_Lat LOCATION_Latitude_:",
     "lon |  | another quantity": "lon_deg lng longitude LOCATION_Longitude_:",
     "speed |  | another quantity": "speed speed_m_s Speed(Kmh) gps_speed_knots",
     "time |  | a time": "t_s timestamp Time(ms)",
@@ -314,7 +346,7 @@ NAMED = {  # what replay and compare take a name for | kind, what it is if no re
     " | accel | a status word": "accelerometer_clipping",
     " | rate | an accuracy": "angular_velocity_covariance[0]", " |  | an accuracy": "HAcc",
     " | accel | another quantity": "speed_acc", " | rate | a temperature": "gyro_temp",
-    " |  | a counter": "Unnamed:_0",
+    " |  | a counter": "Unnamed:_0 DATA_CNTR", " |  | another quantity ": "gravity_x",
 }  # fmt: skip
 
 

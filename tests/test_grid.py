@@ -170,6 +170,7 @@ FINE = np.arange(100) / 100
     ("GPS TOW (s)", (604799.5 + FINE) % 604800, "overflowed"), ("Zeit [ms]", 1e3 * FINE, None),
     ("utc", (235959.5 + FINE) % 235960, "read as clock time hhmmss"),
     ("gps_time", 1.4e9 + FINE, "or as GPS does from 1980"),
+    ("record.timestamp[s]", 1.07e9 + FINE, "or a FIT file from 1990"),
     ("time_d", 45413.4166 + FINE / 86400, None),  # of a spreadsheet
     ("time_s", 1.7e12 + 1e3 * FINE, "read as milliseconds since 1970"),  # whatever its name says
     ("time_ms", 1.7e15 + 1e6 * FINE, "read as microseconds since 1970"),

@@ -32,7 +32,7 @@ FLAG = {"rate": "gyro", "accel": "accel", "angle": "angle", "position": "positio
 _KINDS = {**{flag: kind for kind, flag in FLAG.items()}, "rate": "rate", "acceleration": "accel"}
 _GNSS = {"lat", "lon", "height", "separation", "speed", "course", "pdop", "hdop", "satellites"}
 _OWN_UNITS = {what: spellings(own) for what, own in NAMES["units_of"].items()}  # of a quantity
-FREE = {"linear", "lin", "linacc", "user"}  # an acceleration from which gravity is taken off
+FREE = {"linear", "lin", "linacc", "user", "free"}  # acceleration without gravity
 AXES = ("x", "y", "z")
 VERTICAL = ("z", "_down", "_up")
 _SAID_BY = {word: what for what, words in NAMES["others"].items() for word in words.split()}
@@ -48,6 +48,7 @@ _USUAL = {"rate": "deg/s", "accel": "g", "angle": "deg", "position": "m"}
 _OR = {"rate": "rad/s", "accel": "m/s^2", "angle": "rad"}  # as usual: a message offers both
 _WHOLE_UNITS = ("deg/s", "rad/s", "g", "m/s^2")  # in which no sensor's readings are whole numbers
 _NO_CELSIUS = {"k", "kelvin", "f", "fahrenheit"}
+G_IN_COUNTS = 2048, 4096, 8192, 16384  # 16 bits for 16, 8, 4 and 2 g
 _PER_COUNT = {"rate": "1/131", "accel": "1/16384"}  # of the most common IMU, to be replaced
 
 
@@ -175,7 +176,7 @@ def words(name: str) -> list[str]:
     found: list[str] = []
     for word in (part.lower() for part in _TOKEN.findall(name)):
         stem = word[:-1] if word[-1:] in ("x", "y", "z") else ""
-        known = stem == "g" or stem in _KIND_OF_WORD
+        known = stem in ("f", "g") or stem in _KIND_OF_WORD
         found += [stem, word[-1]] if known and word not in _SAID_BY else [word]
     return found
 
@@ -236,12 +237,13 @@ def _kind(name: str, parts: list[str]) -> tuple[str | None, str | None]:
     kinds += [
         "rate" if part in ("g", "rate") else _KIND_OF_WORD.get(part)
         for part in parts
-        if axis or part not in ("a", "w", "g", "rate", "up", "down")
+        if axis or part not in ("a", "ac", "w", "g", "rate", "up", "down")
     ]
     kind = next((k for k in kinds if k), None)
     for part in parts:
         said = _SAID_BY.get(part)
         spoilt = said not in _WITH_AXIS or part in _ALWAYS or not (kind and axis)
+        spoilt = spoilt and not (part == "gravity" and "including" in parts)
         if said and spoilt and not (part == "mag" and kind == "accel" and axis):
             return kind, said
     if parts[-1:] == ["acc"] and set(parts[:-1]) & _ESTIMATED:
@@ -546,6 +548,10 @@ def _kinds(frame, file, wanted, kind, units) -> tuple[dict[str, str], dict[str, 
             leave([name], said)
     accels = [n for n, its in kinds.items() if its == "accel"]
     free = [n for n in accels if not wanted and FREE & {*recognise(n).words}]
+    sizes = {(*of,): _norm(frame, of) for of in vectors(accels).values() if len(of) == 3}
+    for of, size in {} if wanted else sizes.items():  # by its size, beside another one
+        if size < 0.3 * max(sizes.values()) and not gravity_unit(size):
+            free = list(dict.fromkeys([*free, *of]))
     if len(free) < len(accels):
         leave(free, "accel with gravity taken off")
     unknown = [name for name, its in kinds.items() if not its]
@@ -558,7 +564,13 @@ def _kinds(frame, file, wanted, kind, units) -> tuple[dict[str, str], dict[str, 
         unknown = [n for n in unknown if n not in few]
     usual = kind or KIND_OF_UNIT.get(units.get(None, ""))
     threes = [] if kind else zip(unknown, unknown[1:], unknown[2:], strict=False)
-    heavy = next((three for three in threes if gravity_unit(_norm(frame, three), 0.1)), ())
+    heavy = next((three for three in threes if _weighs(frame, three)), ())
+    rest = [n for n in unknown if n not in heavy]
+    if heavy and not wanted and len(rest) not in (0, 3):
+        raise WrongUsage(
+            f"{file}: columns {', '.join(heavy)} have the length of one g, and no name tells which "
+            f"of {', '.join(rest)} are gyros: say --columns {','.join(heavy)},... with these"
+        )
     others = [its for its in units if its and not (heavy and its == "accel")]
     kinds |= dict.fromkeys(unknown, usual or next(iter(others), "rate"))
     kinds |= dict.fromkeys(heavy, "accel")
@@ -575,6 +587,13 @@ def _norm(frame, names) -> float:
     """Return the median length of the vector that some columns are; turning does not change it."""
     vectors = frame[list(names)].dropna().to_numpy(dtype=float)
     return float(np.median(np.hypot.reduce(vectors, axis=1))) if len(vectors) else 0.0
+
+
+def _weighs(frame, three) -> bool:
+    """Tell whether columns without names are accelerometers: one g long, or of so many counts."""
+    size = _norm(frame, three)
+    counts = _counts(frame, three, "g") and any(abs(size / g - 1) < 0.05 for g in G_IN_COUNTS)
+    return bool(gravity_unit(size, 0.1)) or counts
 
 
 def _gravity(frame, accels) -> str | None:

@@ -10,7 +10,7 @@ import re
 import shlex
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -23,7 +23,9 @@ SCALES = {unit: said["seconds"] for unit, said in NAMES["units_of_time"].items()
 _SHORT = ("d", "h", "min")  # alone, such a name is none of a time
 _UNITS = spellings(NAMES["units_of_time"])
 _NAMES = re.compile(NAMES["times"]["named"])
-_STAMP = re.compile(r"(^|[._ /])(time_?stamp|stamp|seconds_elapsed|time)([._ ]n?secs?)?$")
+_STAMP = r"(^|[._ /])(time_?stamp|stamp|seconds_elapsed|time)"
+_STAMP += r"([_ ](unix|sync).*|[._ ]n?secs?|\[m?s\])?$"
+_COUNTED = {*NAMES["others"]["a counter"].split()}
 _UNIX = {"s": (1e8, 1e10), "ms": (1e11, 1e13), "us": (1e14, 1e16), "ns": (1e17, 1e19)}
 _COUNTERS: tuple[float, ...] = (2.0**16, 2.0**24, 604800.0, 604800e3, 864e6, 2.0**31, 2.0**32)
 _COUNTERS += (864e2, 864e5, 2.0**32 / 1e3, 2.0**32 / 1e6)  # they start again here: ms, us in s
@@ -78,9 +80,14 @@ class Stamps:
         return self.since_s + self.zero_s
 
 
+def _words(name: str) -> str:
+    """Write ``utcTimeMillis`` as utc_time_millis."""
+    return re.sub(r"(?<=[a-z]{2})(?=[A-Z])", "_", name.strip()).lower()  # iTOW is one
+
+
 def unit_of(name: str) -> str | None:
     """Return the unit of time a column's name carries (``t_ms``, ``time (us)``), or None."""
-    words = re.split(r"[\s_\[\](){},;:]+", name.strip().lower().strip("])}"))
+    words = re.split(r"[\s_\[\](){},;:]+", _words(name).strip("])}"))
     return _UNITS.get(words[-1]) if words[-1] not in _SHORT or len(words) > 1 else None
 
 
@@ -97,9 +104,10 @@ def is_time(name: str) -> bool:
 def time_column(frame: pd.DataFrame) -> str | None:
     """Find the time column by its name, or as the only column of clock times."""
     bare = [name for name in frame if name.strip().lower() in ("ms", "us", "ns")]
-    named = [name for name in frame if is_time(name) and name not in bare] or [
-        name for name in frame if _STAMP.search(re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower())
-    ]  # before MS, which may be the rest of a second
+    named = [name for name in frame if is_time(name) and name not in bare]
+    named = named or [n for n in frame if unit_of(n) and is_time(_words(n)) and n not in bare]
+    named = named or [n for n in frame if re.search(_STAMP, _words(n))]
+    # all these before MS, which may be the rest of a second
     texts = [name for name in frame if frame[name].dtype.kind != "f"]
     clocks = [name for name in texts if CLOCK.match(str(frame[name].iloc[0]).strip())]
     return next(iter(named + bare + (clocks if len(clocks) == 1 else [])), None)
@@ -138,7 +146,10 @@ def stamps(name: str, column: np.ndarray, unit: str | None = None) -> Stamps:
         If seconds and milliseconds are equally likely.
     """
     if column.dtype.kind != "f":
-        return _from_text(name, column, unit)
+        read = _from_text(name, column, unit)
+        ahead = "'GPST' is ahead of UTC by leap seconds: taken as of a clock of its own"
+        of_gps = name.strip().upper() == "GPST"  # of RTKLIB
+        return replace(read, clock=DEVICE, notes=(*read.notes, ahead)) if of_gps else read
     t, notes = continuous(np.asarray(column, dtype=float))
     good = t[np.isfinite(t)]
     if not good.size:
@@ -164,8 +175,9 @@ def stamps(name: str, column: np.ndarray, unit: str | None = None) -> Stamps:
         notes += (f"time column '{name}' read as {word}{guess} (--time-unit overrules)",)
     zero = float(good[0]) * SCALES[unit]
     clock = UNIX if _UNIX["s"][0] <= zero < _UNIX["s"][1] else DEVICE
-    if clock == UNIX and re.search("gps(?!.*(utc|unix))", name.lower()):
-        clock, notes = DEVICE, (f"'{name}' counts from 1970, or as GPS does from 1980: no date",)
+    if clock == UNIX and re.search(r"gps(?!.*(utc|unix))|^record\.", name.lower()):
+        since = "as GPS does from 1980, or a FIT file from 1990: no date"
+        clock, notes = DEVICE, (f"'{name}' counts from 1970, or {since}",)
     return Stamps((t - good[0]) * SCALES[unit], zero, clock, notes)
 
 
@@ -193,6 +205,7 @@ def of_table(table: Table, name: str | None = None, unit: str | None = None) -> 
     if (name := name or time_column(table.frame)) is None:
         numbers = table.frame.select_dtypes("number")
         rising = [n for n in numbers if len(numbers) > 2 and (numbers[n].diff()[1:] > 0).all()]
+        rising = [n for n in rising if re.split(r"\W|_", _words(n))[-1] not in _COUNTED]
         hints = [f" (column '{n}' only ever rises: --time {shlex.quote(n)}?)" for n in rising]
         raise WrongUsage(
             f"{table.file}, line 1: no column is named as time: say --rate HZ, or --time COLUMN"
@@ -291,9 +304,10 @@ def _unit_from_numbers(name, t) -> tuple[str, str]:
     if step >= 5 or step < (5e-4 if 3e4 < t[0] < 8e5 else 1.2e-5):
         # Below 1: dates and durations of MATLAB and of spreadsheets.
         likely = "d" if step < 1 else "ms" if step < 1000 else "us" if step < 1e6 else "ns"
+        rate = f"if that is {1 / (step * SCALES[likely]):.4g} Hz"
         raise WrongUsage(
             f"time column '{name}' advances by {step:.6g}: in which unit? Say --time-unit {likely} "
-            f"(or {', '.join(SCALES)}), or call it '{name}_{likely}'",
+            f"{rate} (or {', '.join(SCALES)}), or call it '{name}_{likely}'",
             {"--time-unit": likely},
         )
     return "s", ""
