@@ -889,6 +889,18 @@ def test_ticks_of_an_xsens_start_again(top, tmp_path):
     assert (log.rate_hz, log.samples, log.gaps) == (pytest.approx(RATE), ROWS, 0)
 
 
+def test_names_of_serial_lines(tmp_path):
+    """Property: those of most lines count, not of the first; the second of a name has a number."""
+    turns = np.degrees(GYRO)
+    rows = [f"Gyro: X: {g[0]:.6f} Y: {g[1]:.6f} Mag: X: {k % 7} Y: 0" for k, g in enumerate(turns)]
+    path = tmp_path / "log.txt"
+    path.write_text("\n".join(["errorX: 0.5 errorY: -2.1", *rows, ""]))
+    log = read(path, rate=RATE, unit="deg/s")
+    assert [c.name for c in log.channels] == ["X", "Y"] and log.samples == len(turns)
+    np.testing.assert_allclose(log.channels[1].values, turns[:, 1], atol=1e-6)
+    assert "1 line with other names left out" in log.repairs
+
+
 def test_json_loses_no_object(tmp_path):
     """property: an object without a sensor counts, a number names none; dates stand by numbers."""
     path, start = tmp_path / "a.jsonl", 1704067200

@@ -73,6 +73,14 @@ SPELLINGS = {
     **{f"{title} above": lambda s, title=title: f"{title}\n" + s.replace(",", ";")
        for title in ("sep=;", "Sensor log v1.2", "Sensor log\n\nunit A")},
     "a delimiter too many": lambda s: s.replace("\n", ",\n"),
+    "a serial monitor": lambda s: re.sub(r"(?m)^(\d\.\d{3})\d*,", r"10:15:0\1 -> ", s).replace(
+        "t_s,", "10:15:00.000 -> "),
+    "a head of LabVIEW": lambda s: "LabVIEW\nX,Y,Z\n***End_of_Header***\nX0,0,0\n" + (
+        f"***End_of_Header***,,\n{s}"),
+    "a head of Racelogic": lambda s: f"[header]\nX Y,Z,W\n\n{s}".replace(
+        HEADER, f"{HEADER}\n\n[data]"),
+    "a sentence above": lambda s: "made with my own unit\n" + s.replace(",", " "),
+    "brackets in units": lambda s: s.replace(HEADER, "t,gyro_x,gyro_y\ns,deg/(s),(deg/s)"),
     "a row of units": lambda s: s.replace(HEADER, "t,gyro_x,gyro_y\ns,deg/s,deg/s"),
     "units of two in brackets": lambda s: s.replace(HEADER, "t,gyro_x,gyro_y\n,[deg/s],[deg/s]"),
     "commas in quotes": lambda s: re.sub(r"-?\d+\.\d+", r'"\g<0>"', s).replace(".", ","),
@@ -227,6 +235,17 @@ def test_a_label_of_one_sensor_is_no_sensor_of_its_own(tmp_path, label):
             for k, line in enumerate(lines())]  # fmt: skip
     log = read(tmp_path, rows, "t_s,sensor_state,gyro_x_deg_s")
     assert (log.samples, log.gaps, log.rate_hz) == (200, 0, pytest.approx(10))
+
+
+@pytest.mark.parametrize("sensors", [True, False])
+def test_rows_of_sensors_in_turn_are_no_log_at_a_rate(tmp_path, sensors):
+    """Property: a label by turns is refused if the readings differ by it."""
+    rows = [f"{'ag'[k % 2]},{k % 2 * sensors + 1e-3 * np.sin(k)}" for k in range(200)]
+    path = write(tmp_path, rows, "type,gyro_x_deg_s")
+    if sensors:
+        refused(WrongUsage, "'type' changes from row to row; give each", logs.read, path, rate=100)
+    else:
+        assert logs.read(path, rate=100).samples == 200
 
 
 def test_rows_are_not_grouped_by_a_text_of_their_own(tmp_path, monkeypatch):

@@ -23,6 +23,7 @@ from sensorlogs.names import NAMES
 from sensorlogs.tables import Part, of_text
 
 EXPORT = "the export's file name"
+MONITOR = re.compile(rb"(?m)^(?P<clock>\d\d:\d\d:\d\d\.\d{3}) -> (?P<cells>[^$].*)")  # $: NMEA
 LIMIT = 4 << 30  # bytes that a packed log may have when unpacked
 FILES = 500  # in a folder or zip
 _SIDE = {".pdf", ".png", ".jpg", ".jpeg", ".html", ".md", ".toml", ".yaml", ".yml", ".xml", ".mp4"}
@@ -47,6 +48,16 @@ def once(unpack: Callable[[Path], Path], path: Path) -> Path:
 def _unpacked(unpack, path: Path, size: int, mtime_ns: int) -> Path:
     """Unpack a file once per (path, size, time of change) in this process."""
     return unpack(path)
+
+
+def unstamped(path: Path) -> Path:
+    """Separate the clock time that Arduino's serial monitor writes before a line from its cells."""
+    target = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name
+    raw = delimited.content(path)
+    cells = MONITOR.search(raw)["cells"]
+    apart = next((each for each in (b";", b"\t", b",") if each in cells), b" ")
+    target.write_bytes(MONITOR.sub(rb"\g<clock>" + apart + rb"\g<cells>", raw))
+    return target
 
 
 def gunzip(path: Path) -> Path:

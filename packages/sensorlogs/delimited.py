@@ -12,7 +12,7 @@ import io
 import itertools
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import multimode
@@ -35,6 +35,7 @@ _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _NEWLINE = re.compile(r"\r\n|\n|\r")
 _COMMENT = re.compile(r"\s*([#%](?!(N/A|[A-Z/0]+[!?])\s*[,;\t|])|//)")  # a line, not of #DIV/0!
 _REMARK = re.compile(r"((?<![^\s,;|])[#%]|(?<=\d)#(?=\s)).*")  # within a cell it is the cell's
+_END_OF_HEADER = re.compile(r"\*\*\*End_of_Header\*\*\*|\[data\]", re.I)  # LabVIEW, Racelogic
 _LINE_ENDS = (b"\n", b"\r", b"\x00")
 CUT_OFF = "the last line is cut off and was dropped"
 TAIL_BYTES = 1 << 13
@@ -63,15 +64,22 @@ def sniff(path: Path) -> Layout:
     delimiter = _delimiter([lines[i] for i in rows[-HEAD_LINES:]])
     fields = {i: _split(lines[i], delimiter) for i in rows}
     decimal = _decimal(fields.values())
+    for at in [k for k, i in enumerate(rows) if _END_OF_HEADER.match(lines[i])][-1:]:
+        names = [i for i in rows[at - 1 : at] if _is_header(fields[i], decimal)]  # or they follow
+        rows = names + rows[at + 1 :]
     rows = rows[_titles([fields[i] for i in rows], decimal) :]
     first = header_lines = rows[0]
     head_row = None
     if _is_header(fields[first], decimal):
         head_row, header_lines = fields[first], first + 1
         rows = rows[1:]
+        header_lines = rows[0] if rows else header_lines
         cells = [f for f in fields[rows[0]] if f.strip() not in ("", "-")] if rows else []
         if 2 * len(cells) > len(head_row) and all(_is_word(f, decimal) for f in cells):  # units
-            units = [u.strip().strip("[]()") for u in fields[rows[0]]]
+            units = [re.sub(r"[][()]", "", u).strip() for u in fields[rows[0]]]
+            if delimiter == " " and len(units) < len(head_row):
+                units = []  # which name has none, blanks do not tell
+            units += [""] * len(head_row)
             head_row = [f"{n} ({u})" if u else n for n, u in zip(head_row, units, strict=False)]
             header_lines, rows = rows[0] + 1, rows[1:]
         if not rows:
@@ -80,6 +88,8 @@ def sniff(path: Path) -> Layout:
         above = [i for i in comments if i < first]
         if above:  # numpy.savetxt and EuRoC put the names into a comment
             named = _split(_COMMENT.sub("", lines[above[-1]]).strip(), delimiter)
+            if len(named) == len(fields[first]) - 1 and named[0] in ("GPST", "UTC", "JST"):
+                named = ["date", *named]  # of RTKLIB, a date or a week before the time
             if len(named) == len(fields[first]) and _is_header(named, decimal):
                 head_row = named
     width = min(multimode(len(fields[i]) for i in rows))
@@ -87,10 +97,11 @@ def sniff(path: Path) -> Layout:
     if head_row and extra and len(head_row) < width:
         raise CannotAnswer(
             f"{path.name}, line {extra[0] + 1}: {width} fields, but the header ends at column "
-            f"'{head_row[-1].strip()}' ({len(head_row)}); name each column there"
+            f"'{head_row[-1].strip()}' ({len(head_row)}); name each column there, or delete the "
+            "lines above the data"
         )
     named = head_row or LABELLED.get(fields[rows[0]][0].strip(), "").split()
-    names = _names([*named, *[""] * (width - len(named))])
+    names = unique_names([*named, *[""] * (width - len(named))])
     data = [fields[i] for i in rows]
     text = frozenset(name for j, name in enumerate(names) if _is_text(data, j, decimal))
     return Layout(delimiter, decimal, encoding, header_lines, names, text)
@@ -200,8 +211,10 @@ def _is_header(fields: list[str], decimal: str) -> bool:
 def _titles(rows: list[list[str]], decimal: str) -> int:
     """Count the short lines above the header, or above rows that begin with a known label."""
     filled = [sum(bool(field.strip()) for field in row) for row in rows]
-    least = max(2, min(multimode(filled)) // 2 + 1)
-    first = next((k for k, count in enumerate(filled) if count >= least), 0)
+    usual = min(multimode(filled))
+    first = next((k for k, n in enumerate(filled) if n >= max(2, usual // 2 + 1)), 0)
+    words = itertools.takewhile(lambda k: _is_header(rows[k], decimal), range(first, len(rows)))
+    first = next((k for k in words if filled[k] == usual), first)
     return first if rows[first][0].strip() in LABELLED or _is_header(rows[first], decimal) else 0
 
 
@@ -218,7 +231,7 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)[:60]
 
 
-def _names(fields: list[str]) -> tuple[str, ...]:
+def unique_names(fields: Sequence[str]) -> tuple[str, ...]:
     """Return one name per column, none empty, none twice: ``c1``, ``c2`` where there is none."""
     names: dict[str, None] = {}  # of ten thousand columns, a list is slow to look through
     for number, field in enumerate(fields, 1):

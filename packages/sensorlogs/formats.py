@@ -60,26 +60,24 @@ def gpx(path: Path) -> list[Part]:
 
 def serial(path: Path) -> list[Part]:
     """Read lines such as ``gx: 0.1 gy: 0.2``, as programs of microcontrollers print them."""
-    names: list[str] = []
-    rows, lines, left_out = [], [], 0
+    found: dict[tuple, list[tuple]] = {}  # names -> line, values
     with delimited.open_bytes(path) as handle:
         for number, line in enumerate(handle, 1):
-            found = re.findall(_PAIR, line)
-            mine = [name.decode(errors="replace") for name, _ in found]
-            names = names or mine
-            if names and mine == names:
-                rows.append([float(value) for _, value in found])
-                lines.append(number)
-            elif line.strip():
-                left_out += 1
-    if len(set(names)) < len(names) or left_out > 0.01 * len(rows) + 3:
+            if line.strip():
+                pairs = re.findall(_PAIR, line)
+                named = tuple(name.decode(errors="replace") for name, _ in pairs)
+                found.setdefault(named, []).append((number, [float(value) for _, value in pairs]))
+    names = max(found, key=lambda each: len(found[each]))
+    left_out = sum(map(len, found.values())) - len(found[names])
+    lines, rows = map(list, zip(*found[names], strict=True))
+    if left_out > 0.01 * len(rows) + 3:
         of = f"{left_out:,} of {left_out + len(rows):,} lines"
-        raise CannotAnswer(f"{path.name}: {of} do not have the names of the first: write CSV")
+        raise CannotAnswer(f"{path.name}: {of} do not have the names of the most: write CSV")
     notes = [f"{counted(left_out, 'line')} with other names left out"] * bool(left_out)
     if not line.endswith(b"\n") and lines[-1:] == [number]:  # a number may have lost digits
         notes.append(f"line {lines.pop()}: {delimited.CUT_OFF}")
         rows.pop()
-    frame = pd.DataFrame(np.array(rows), columns=names)
+    frame = pd.DataFrame(np.array(rows), columns=delimited.unique_names(names))
     return [of_table("lines", Table(frame, path, tuple(notes), lines=np.array(lines)))]
 
 
@@ -182,7 +180,9 @@ FORMATS: dict[str, Format] = {  # the first that tells
 def plain(path: Path) -> Path:
     """Return the file itself, or what it holds if it is gzipped."""
     packed = delimited.content(path, 2) == b"\x1f\x8b"
-    return archives.once(archives.gunzip, path) if packed else path
+    path = archives.once(archives.gunzip, path) if packed else path
+    monitor = len(archives.MONITOR.findall(delimited.content(path, 1 << 14))) > 3
+    return archives.once(archives.unstamped, path) if monitor else path
 
 
 def format_of(path: Path) -> str:

@@ -28,6 +28,7 @@ LARGEST = 1e9  # beyond what any sensor reads, in any unit
 AWAY = 20  # times the range of all other values; a value that returns beyond it is no reading
 RETURNS = 3  # times that one value has to stand there
 FAR = 5  # times its scatter (5 to 95 %) that a reading is from 0, which it then never is
+IN_TURN = 0.2  # share of rows whose label is not that of the row before, where sensors take turns
 RARELY = 0.01, 1e-3  # share of zeros in one axis, and all axes at once by chance, of fine readings
 HELD = 0.8  # share of samples equal to the one before beyond which an output counts as held
 
@@ -262,14 +263,21 @@ def _placed(table, option):
             raise WrongUsage(f"{file}: no row from {start:g} s to {stop:g} s; {lasts}")
         frame, at = frame.iloc[inside], at[inside]
         table = replace(table, frame=frame, rows=np.flatnonzero(inside))
+    texts = [n for n in frame if n != time and frame[n].dtype.kind != "f"]
     if not stamped:
+        for name in texts:
+            turns = (frame[name] != frame[name].shift()).mean() > IN_TURN
+            turns = turns and frame[name].head(9999).nunique() < 99
+            if turns and (_inside(frame, name) < 0.5).any():
+                said = f"column '{name}' changes from row to row"
+                raise WrongUsage(f"{file}: rows of several sensors: {said}; give each a file")
         every = np.arange(len(at))
         return table, time, Grid(float(rate), len(at), every, every), at[0], notes
     repeated = np.zeros(len(frame), dtype=bool)
     same = np.flatnonzero(at[1:] == at[:-1]) + 1
     now = frame.iloc[same]
     before = frame.iloc[same - 1].set_axis(now.index)
-    tags = [n for n in frame if n != time and (frame[n].dtype.kind != "f" or "sensor" in n.lower())]
+    tags = texts + [n for n in frame if n not in texts and "sensor" in n.lower() and n != time]
     # To group rows by a counter, or by a text of its own each, takes long.
     few = (n for n in tags if frame[n].head(9999).nunique() < 99)
     for name in few if tags and _uneven(at) > 0.5 else ():
@@ -287,6 +295,12 @@ def _placed(table, option):
             f"{grid.rate_hz:.6g} Hz; leave one of them out"
         )
     return table, time, grid, np.nanmin(at), notes
+
+
+def _inside(frame: pd.DataFrame, label: str) -> pd.Series:
+    """Return the scatter of each column among the rows of a label, in that of all rows."""
+    each = frame.groupby(label)[list(frame.select_dtypes("number"))]
+    return each.std().mean() / frame.std(numeric_only=True)
 
 
 def _uneven(at: np.ndarray) -> float:
