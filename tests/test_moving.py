@@ -383,6 +383,37 @@ def test_a_unit_that_is_asked_for(tmp_path):
     refused(WrongUsage, "in radians: say --columns lat_rad=lat,lon_rad=lon", read_moving, [path])
     log = read_moving([path], columns={"lat_rad": "lat", "lon_rad": "lon"})
     holds(log.gnss, lon_deg=LON, speed_m_s=15)
+    path = csv(tmp_path, "t_s,lat,lon", [row[:3] for row in rows])
+    refused(WrongUsage, "by their size the positions are in radians", read_moving, [path])
+    holds(
+        read_moving([path], columns={"lat_deg": "lat", "lon_deg": "lon"}).gnss, lon_deg=rows[0][2]
+    )
+
+
+@pytest.mark.parametrize(("unit", "size"), [
+    ("e7", 1e7), ("semicircles", 2**31 / 180), ("arcmin", 60)])  # fmt: skip
+def test_positions_in_parts_of_a_degree(tmp_path, unit, size):
+    """published: units of u-blox, of FIT and of VBO, which a refusal names."""
+    rows = [(k, (LAT + 1e-5 * k) * size, -LON * size) for k in range(9)]
+    path = csv(tmp_path, "t_s,lat,long", rows)
+    refused(CannotAnswer, f"lat_e7=.*lat_{unit}|lat_{unit}=", read_moving, [path])
+    log = read_moving([path], columns={f"lat_{unit}": "lat", f"lon_{unit}": "-long"})
+    holds(log.gnss, lat_deg=LAT + 1e-5 * np.arange(9), lon_deg=LON, atol=1e-9)
+    path = csv(tmp_path, f"time,record.position_lat[{unit}],lon_{unit}", rows)
+    holds(read_moving([path]).gnss, lon_deg=-LON, atol=1e-9)
+
+
+@pytest.mark.parametrize(("zero", "names"), [
+    ("2024/03/05 10:15:{:06.3f}", "GPST latitude(deg) longitude(deg) Q ns"),
+    ("2304 2097{:06.3f}", "GPST latitude(deg) longitude(deg) Q ns"),
+    ("2024/03/05 10:15:{:06.3f}", "GPST,latitude(deg),longitude(deg),Q,ns")])  # fmt: skip
+def test_positions_of_rtklib(tmp_path, zero, names):
+    """published: a date or week stands before the time, of GPS, which is no UTC; ns is no time."""
+    comma = "," if "," in names else " "
+    rows = [comma.join([zero.format(k), f"{LAT + 1e-5 * k}", str(LON), "1", "12"]) for k in K]
+    log = read_moving([csv(tmp_path, f"% program\n%  {names}", rows)])
+    holds(log.gnss, t_s=K, lat_deg=LAT + 1e-5 * K, lon_deg=LON)
+    assert log.start_utc is None
 
 
 K = np.arange(12)
@@ -397,6 +428,9 @@ CELLS = {  # header, rows -> what columns must be, notes
     "letters of the hemisphere": (
         "t_s,LATITUDE,N/S,LONGITUDE,E/W,SPEED", IN_CHILE,
         {"lat_deg": -33.4 + 1e-5 * K, "lon_deg": -70.6}, ["column 'SPEED' holds words: not used"]),
+    "letters in the cells": (
+        "t_s,lat,lon", [(k, f"{33.4 - 1e-5 * k:.6f}S", "70.6° W") for k in K],
+        {"lat_deg": -33.4 + 1e-5 * K, "lon_deg": -70.6}, []),
     "a fix so-so": (f"{GNSS},fix", [(*row, "so-so") for row in gnss_rows(K)], {"has_fix": K >= 0},
                     ["column 'fix' holds words: not used"]),
     **{f"a fix {no}": (

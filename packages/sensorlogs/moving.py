@@ -304,6 +304,10 @@ class _Rows:
             words = texts[name].dropna().astype(str).str.lower().str.replace(r"\W", "", regex=True)
             what = recognise(name).quantity
             numbers = words.map(NAMES["words"].get(what, {}))
+            if what in ("lat", "lon"):  # 47.5 N
+                size = texts[name].str.extract(r"(?i)^\s*([\d.]+)[\s°]*([NSEW])\s*$")
+                sign = size[1].str.lower().map({**NAMES["words"]["lat_sign"], "e": 1, "w": -1})
+                numbers = size[0].astype(float)[words.index] * sign
             if numbers.notna().all():
                 frame = frame.assign(**{name: numbers})
             elif what in (*GIVEN, *NAMED, *NAMES["words"]):
@@ -392,14 +396,17 @@ class _Rows:
         gnss = Gnss(self.t[at], lat, lon, height, pdop, speed, course, fix, mode, satellites)
         gnss = timeline.plausible(gnss.without(~fix, *OF_FIX), place, self.notes)
         (factor, astray), (low, high) = gnss.against_positions(), timeline.FACTORS
+        turned = replace(gnss, lat_deg=np.degrees(lat), lon_deg=np.degrees(lon))
+        told = "the speed" if low < turned.against_positions()[0] < high else ""
+        sea = (np.abs(lat[fix]) < np.pi / 2) & (np.abs(lon[fix]) < np.pi)  # as degrees, off Africa
+        told = told if factor == factor else "their size" * bool(sea.all() and fix.any())
+        if not low < factor < high and told and not recognise(self.names["lat"]).unit:
+            two = self.names["lat"], self.names["lon"]
+            raise WrongUsage(
+                f"{self.file}: by {told} the positions are in radians: say --columns "
+                f"lat_rad={two[0]},lon_rad={two[1]}, or lat_deg, lon_deg"
+            )
         if not low < factor < high and factor == factor:
-            turned = replace(gnss, lat_deg=np.degrees(lat), lon_deg=np.degrees(lon))
-            bare = not recognise(self.names["lat"]).unit
-            if bare and low < turned.against_positions()[0] < high:
-                raise WrongUsage(
-                    f"{self.file}: by the speed the positions are in radians: say --columns "
-                    f"lat_rad={self.names['lat']},lon_rad={self.names['lon']}"
-                )
             said = f"the positions move {factor:.2f} times as fast as the speed says"
             wrong, way = "speed_m_s", "its unit is another one (say --columns speed_km_h=COLUMN)"
         elif astray > timeline.ASTRAY:

@@ -200,7 +200,8 @@ def plausible(gnss: Gnss, place: Callable[[int], str], notes: list[str]) -> Gnss
         raise CannotAnswer(
             f"{place(k)}: {gnss.lat_deg[k]:g}, {gnss.lon_deg[k]:g} is nowhere on Earth, as are "
             f"{off.sum():,} of {gnss.has_fix.sum():,} positions; give degrees, latitude and "
-            "longitude not exchanged"
+            "longitude not exchanged, or say --columns lat_e7=COLUMN,lon_e7=COLUMN (1e-7 deg; the "
+            "height is then often height_mm=COLUMN), lat_semicircles or lat_arcmin"
         )
     kinds: dict[str, tuple] = {
         "positions beyond 90 deg of latitude or 180 deg of longitude": (off, *OF_FIX),
