@@ -175,6 +175,7 @@ READ = [  # header, columns, what is given -> kind and unit of the channels, in 
     ("", (*RATES, ACCEL), {"unit": "gyro=deg/s,accel=g", "time": 1},
      3 * ["rate deg/s"] + 3 * ["accel g"]),
     ("", (*RATES, ACCEL), {"unit": "accel=g", "time": 1}, 3 * ["accel g"]),
+    ("", (T, GYRO[:, :2], ACCEL), {"unit": "accel=g", "time": 1}, 3 * ["accel g"]),
     ("", RAW, {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131,accel=1/16384", "time": 1},
      3 * ["accel g"] + 3 * ["rate deg/s"]),
     ("t,roll (rads),pitch_degs,yaw_rad_s", RATES, {}, ["angle rad", "angle deg", "rate rad/s"]),
@@ -278,9 +279,10 @@ def test_the_unit_of_time_can_be_given(tmp_path):
 
 @pytest.mark.parametrize(("name", "per_s"), [
     ("utcTimeMillis", 1e3), ("TimeUS", 1e6), ("timestampNs", 1e9), ("epoc (ms)", 1e3), ("GPST", 1),
+    ("TOW [0.001 s]", 1e3), ("Elapsed Time (s)", 1),
     ("Shimmer_Timestamp_Unix_CAL (ms)", 1e3)])  # fmt: skip
 def test_names_of_time(tmp_path, name, per_s):
-    """Published: of GnssLogger, ArduPilot, MetaMotion, RTKLIB (beside ns, satellites), Shimmer."""
+    """Published: of GnssLogger, ArduPilot, MetaMotion, RTKLIB (beside ns), Septentrio, Shimmer."""
     log = logs.read(write(tmp_path, f"{name},gyro_x_deg_s,ns", T * per_s, GYRO[:, 0], 0 * T + 12))
     assert log.rate_hz == pytest.approx(100) and log.samples == N
 
@@ -333,8 +335,11 @@ NAMED = {  # what replay and compare take a name for | kind, what it is if no re
       specific_force_x g_force_x total_acceleration_x""",
     "accel_y | accel": "a_y ay", "accel_z | accel": "motionUserAccelerationZ",
     "roll | angle": "roll roll_deg",
-    "height |  | ": "elevation ele", "lat | position | another quantity": "position_lat",
-    "lat |  | another quantity": "lat lat_deg LatitudeDegrees latitude GPS_Lat LOCATION_Latitude_:",
+    "height |  | ": "elevation ele alt_MSL",
+    "height |  | another quantity": "ellipsoidal_height",
+    "lat | position | another quantity": "position_lat",
+    "lat |  | another quantity": """\
+      lat lat_deg LatitudeDegrees GPS(0):Lat latitude GPS_Lat LOCATION_Latitude_:""",
     "lon |  | another quantity": "lon_deg lng longitude LOCATION_Longitude_:",
     "speed |  | another quantity": "speed speed_m_s Speed(Kmh) gps_speed_knots",
     "time |  | a time": "t_s timestamp Time(ms)",

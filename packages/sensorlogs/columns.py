@@ -566,7 +566,7 @@ def _kinds(frame, file, wanted, kind, units) -> tuple[dict[str, str], dict[str, 
     threes = [] if kind else zip(unknown, unknown[1:], unknown[2:], strict=False)
     heavy = next((three for three in threes if _weighs(frame, three)), ())
     rest = [n for n in unknown if n not in heavy]
-    if heavy and not wanted and len(rest) not in (0, 3):
+    if heavy and not wanted and {*units} != {"accel"} and len(rest) not in (0, 3):
         raise WrongUsage(
             f"{file}: columns {', '.join(heavy)} have the length of one g, and no name tells which "
             f"of {', '.join(rest)} are gyros: say --columns {','.join(heavy)},... with these"

@@ -82,7 +82,8 @@ class Stamps:
 
 def _words(name: str) -> str:
     """Write ``utcTimeMillis`` as utc_time_millis."""
-    return re.sub(r"(?<=[a-z]{2})(?=[A-Z])", "_", name.strip()).lower()  # iTOW is one
+    lower = re.sub(r"(?<=[a-z]{2})(?=[A-Z])", "_", name.strip()).lower()  # iTOW is one
+    return lower.replace("0.001 s", "ms")  # Septentrio
 
 
 def unit_of(name: str) -> str | None:
