@@ -248,6 +248,23 @@ def test_rows_of_sensors_in_turn_are_no_log_at_a_rate(tmp_path, sensors):
         assert logs.read(path, rate=100).samples == 200
 
 
+def test_rows_of_other_sensors_are_left_out(tmp_path):
+    """Property: chosen columns that are empty in every other row have their own rate and lines."""
+    truth = np.sin(np.arange(0, 400, 2))
+    rows = [
+        f"{k / 200},{k / 7},," if k % 2 else f"{k / 200},,{truth[k // 2]},1" for k in range(400)
+    ]
+    rows[120] = "0.6,,1e12,1"
+    path = write(tmp_path, rows, "t_s,gyro_x_deg_s,accel_x_g,accel_y_g")
+    refused(CannotAnswer, "line 2, column 'gyro_x_deg_s': no value here", logs.read, path)
+    log = logs.read(path, columns=[3, 4], start=0.5)
+    assert (log.samples, log.gaps, log.rate_hz) == (150, 0, pytest.approx(100))
+    assert "200 rows without any of the chosen columns left out" in log.repairs
+    assert missing(log) == [10] and "first in line 122" in log.repairs[-1]
+    np.testing.assert_allclose(np.delete(values(log)[0], 10), np.delete(truth[50:], 10))
+    refused(CannotAnswer, "nor in 201 of 400", logs.read, path, columns=[3], rate=100)
+
+
 def test_rows_are_not_grouped_by_a_text_of_their_own(tmp_path, monkeypatch):
     """Property: of three million such groups, the search for sensors would take 20 s and 1 GB."""
     monkeypatch.setattr(pd.DataFrame, "groupby", None)

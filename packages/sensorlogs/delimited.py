@@ -60,7 +60,8 @@ def sniff(path: Path) -> Layout:
     lines, encoding = _head(path)
     comments = [i for i, line in enumerate(lines) if _COMMENT.match(line)]
     if not (rows := [i for i, line in enumerate(lines) if line.strip() and i not in comments]):
-        raise CannotAnswer(f"{path.name}: no data: line 1 to the end are empty or comments")
+        said = "no data: line 1 to the end are empty or comments (#, %, //): export it as CSV"
+        raise CannotAnswer(f"{path.name}: {said}")
     delimiter = _delimiter([lines[i] for i in rows[-HEAD_LINES:]])
     fields = {i: _split(lines[i], delimiter) for i in rows}
     decimal = _decimal(fields.values())

@@ -184,6 +184,8 @@ def read(
             f"{path.name}: {len(rows.frame)} rows, where its source states {stanza['rows']}: it is "
             "not the whole file; delete it and fetch it again"
         )
+    if option.get("columns") and "rate_hz" not in option:  # without stamps, rows are the time
+        rows = _of_sensor(rows, option["columns"])
     try:
         rows, time_column, grid, start_s, notes = _placed(rows, option)
     except WrongUsage as error:
@@ -221,6 +223,17 @@ def read(
         temperature=temperature,
         start_s=float(start_s),
     )
+
+
+def _of_sensor(table: Table, wanted: Sequence[str | int]) -> Table:
+    """Leave out the rows of other sensors, if the wanted columns are empty in many."""
+    names = [columns.resolve(c, list(table.frame), table.file) for c in wanted]
+    empty = table.frame[names].isna().all(axis=1).to_numpy()
+    if not MISSING_ALLOWED < empty.mean() < 1:
+        return table
+    said = f"{counted(empty.sum(), 'row')} without any of the chosen columns left out"
+    repairs = (*table.repairs, said)
+    return replace(table, frame=table.frame[~empty], rows=np.flatnonzero(~empty), repairs=repairs)
 
 
 def _placed(table, option):
@@ -262,7 +275,8 @@ def _placed(table, option):
             lasts = f"the log lasts {np.nanmax(at):.6g} s"
             raise WrongUsage(f"{file}: no row from {start:g} s to {stop:g} s; {lasts}")
         frame, at = frame.iloc[inside], at[inside]
-        table = replace(table, frame=frame, rows=np.flatnonzero(inside))
+        at_rows = np.flatnonzero(inside) if table.rows is None else table.rows[inside]
+        table = replace(table, frame=frame, rows=at_rows)
     texts = [n for n in frame if n != time and frame[n].dtype.kind != "f"]
     if not stamped:
         for name in texts:
