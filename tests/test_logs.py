@@ -75,6 +75,8 @@ SPELLINGS = {
     "a delimiter too many": lambda s: s.replace("\n", ",\n"),
     "a serial monitor": lambda s: re.sub(r"(?m)^(\d\.\d{3})\d*,", r"10:15:0\1 -> ", s).replace(
         "t_s,", "10:15:00.000 -> "),
+    "another monitor": lambda s: re.sub(r"(?m)^(\d\.\d{3})\d*,", r"10:15:0\1 > ", s).replace(
+        "t_s,", "10:15:00.000 > "),
     "a head of LabVIEW": lambda s: "LabVIEW\nX,Y,Z\n***End_of_Header***\nX0,0,0\n" + (
         f"***End_of_Header***,,\n{s}"),
     "a head of Racelogic": lambda s: f"[header]\nX Y,Z,W\n\n{s}".replace(
@@ -246,6 +248,14 @@ def test_rows_of_sensors_in_turn_are_no_log_at_a_rate(tmp_path, sensors):
         refused(WrongUsage, "'type' changes from row to row; give each", logs.read, path, rate=100)
     else:
         assert logs.read(path, rate=100).samples == 200
+
+
+@pytest.mark.parametrize("before", ["DATA:", "[", "I (12) IMU: ", "2024-03-05 10:15:32.123 "])
+def test_what_stands_before_the_first_number_is_no_label(tmp_path, before):
+    """Property: without a delimiter it would hide an axis, and the next take its place."""
+    path = write(tmp_path, [f"{before}{np.sin(k):.4f},0.2,1.{k}" for k in range(200)], "")
+    said = "column 'c1': '.*0.0000' is not a number"
+    refused(CannotAnswer, said, logs.read, path, rate=100, unit="accel=g")
 
 
 def test_rows_of_other_sensors_are_left_out(tmp_path):

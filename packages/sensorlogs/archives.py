@@ -23,7 +23,7 @@ from sensorlogs.names import NAMES
 from sensorlogs.tables import Part, of_text
 
 EXPORT = "the export's file name"
-MONITOR = re.compile(rb"(?m)^(?P<clock>\d\d:\d\d:\d\d\.\d{3}) -> (?P<cells>[^$].*)")  # $: NMEA
+MONITOR = re.compile(rb"(?m)^(?P<clock>\d\d:\d\d:\d\d\.\d{3}) -?> (?P<cells>[^$].*)")  # $: NMEA
 LIMIT = 4 << 30  # bytes that a packed log may have when unpacked
 FILES = 500  # in a folder or zip
 _SIDE = {".pdf", ".png", ".jpg", ".jpeg", ".html", ".md", ".toml", ".yaml", ".yml", ".xml", ".mp4"}
@@ -51,7 +51,7 @@ def _unpacked(unpack, path: Path, size: int, mtime_ns: int) -> Path:
 
 
 def unstamped(path: Path) -> Path:
-    """Separate the clock time that Arduino's serial monitor writes before a line from its cells."""
+    """Separate the clock time that a serial monitor (Arduino, PlatformIO) writes from the cells."""
     target = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name
     raw = delimited.content(path)
     cells = MONITOR.search(raw)["cells"]

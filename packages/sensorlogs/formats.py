@@ -31,6 +31,7 @@ _PAIR = (  # gx: 0.1, or gyro_x (dps) = 1e-3
     rb"(\b[A-Za-z][\w.]*+(?:[ \t]*[\[(][^\])\n]{0,40}[\])])?)[ \t]*[:=][ \t]*"
     rb"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 )
+_MORE = _PAIR + rb"(?:[ \t]*[,;][ \t]*|[ \t]+)[-+]?(?:\d*\.)?\d+[\s,;]"  # of a list, or 0,1
 _SERIAL = rb"(?m)(^(?>.*?" + _PAIR + rb")(?>.*?" + _PAIR + rb").*\n){3}"  # three such lines
 
 
@@ -60,16 +61,22 @@ def gpx(path: Path) -> list[Part]:
 
 def serial(path: Path) -> list[Part]:
     """Read lines such as ``gx: 0.1 gy: 0.2``, as programs of microcontrollers print them."""
-    found: dict[tuple, list[tuple]] = {}  # names -> line, values
+    found: dict[tuple, list[tuple]] = {}  # names -> number of the line, values, line
     with delimited.open_bytes(path) as handle:
         for number, line in enumerate(handle, 1):
             if line.strip():
                 pairs = re.findall(_PAIR, line)
                 named = tuple(name.decode(errors="replace") for name, _ in pairs)
-                found.setdefault(named, []).append((number, [float(value) for _, value in pairs]))
+                found.setdefault(named, []).append((number, [float(v) for _, v in pairs], line))
     names = max(found, key=lambda each: len(found[each]))
     left_out = sum(map(len, found.values())) - len(found[names])
-    lines, rows = map(list, zip(*found[names], strict=True))
+    lines, rows, texts = map(list, zip(*found[names], strict=True))
+    if (k := next((k for k, text in enumerate(texts) if re.search(_MORE, text)), None)) is not None:
+        said = delimited.printable(texts[k].strip().decode(errors="replace"))
+        raise CannotAnswer(
+            f"{path.name}, line {lines[k]}: '{said}' has a list or a decimal comma, which is not "
+            "read after a name: write CSV"
+        )
     if left_out > 0.01 * len(rows) + 3:
         of = f"{left_out:,} of {left_out + len(rows):,} lines"
         raise CannotAnswer(f"{path.name}: {of} do not have the names of the most: write CSV")

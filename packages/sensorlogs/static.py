@@ -9,6 +9,7 @@ A file that cannot be read is refused in one sentence with file, line, column an
 repair is one sentence in `Log.repairs`.
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -368,7 +369,10 @@ def _choices(table, time, option):
     texts = [name for name in frame if name != time and frame[name].dtype.kind != "f"]
     for name in texts:
         said = columns.recognise(name)
-        if name in wanted or (not wanted and said.kind in ("rate", "accel") and not said.other):
+        glued = frame[name].astype(str).str.match(r"(?!\d*:).*\d\.\d").iloc[0]  # as DATA:0.1
+        glued = glued and re.fullmatch(r"c\d+", name)
+        mine = said.kind in ("rate", "accel") and not said.other
+        if name in wanted or (not wanted and (mine or glued)):
             wrong = pd.to_numeric(frame[name], errors="coerce").isna() & frame[name].notna()
             cell = printable(str(frame[name].iloc[row := int(np.argmax(wrong))]))
             raise CannotAnswer(
