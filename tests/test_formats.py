@@ -899,6 +899,8 @@ def test_names_of_serial_lines(tmp_path):
     assert [c.name for c in log.channels] == ["X", "Y"] and log.samples == len(turns)
     np.testing.assert_allclose(log.channels[1].values, turns[:, 1], atol=1e-6)
     assert "1 line with other names left out" in log.repairs
+    path.write_text("\n".join([*rows[:9], *(["no pair"] * 20), ""]))
+    refused(CannotAnswer, "20 of 29 lines do not have the names of the most", read, path)
     for line in ("Acc: 0.1, 0.2, 0.3 Gyr: 1, 2, 3", "ax: 0,12; ay: 0,34;", "Acc: 1 2 Gyr: 3 4"):
         path.write_text("\n".join(["I2C: 0 1 id: 2 3", *([line] * 9), ""]))
         refused(CannotAnswer, "line 2: .* has a list or a decimal comma", read, path)

@@ -68,7 +68,7 @@ def serial(path: Path) -> list[Part]:
                 pairs = re.findall(_PAIR, line)
                 named = tuple(name.decode(errors="replace") for name, _ in pairs)
                 found.setdefault(named, []).append((number, [float(v) for _, v in pairs], line))
-    names = max(found, key=lambda each: len(found[each]))
+    names = max(filter(None, found), key=lambda each: len(found[each]))
     left_out = sum(map(len, found.values())) - len(found[names])
     lines, rows, texts = map(list, zip(*found[names], strict=True))
     if (k := next((k for k, text in enumerate(texts) if re.search(_MORE, text)), None)) is not None:
