@@ -66,8 +66,8 @@ def sniff(path: Path) -> Layout:
     fields = {i: _split(lines[i], delimiter) for i in rows}
     decimal = _decimal(fields.values())
     for at in [k for k, i in enumerate(rows) if _END_OF_HEADER.match(lines[i])][-1:]:
-        names = [i for i in rows[at - 1 : at] if _is_header(fields[i], decimal)]  # or they follow
-        rows = names + rows[at + 1 :]
+        before = [i for i in rows[at - 1 : at] if _is_header(fields[i], decimal)]  # or names follow
+        rows = before + rows[at + 1 :]
     rows = rows[_titles([fields[i] for i in rows], decimal) :]
     first = header_lines = rows[0]
     head_row = None

@@ -369,8 +369,8 @@ def _choices(table, time, option):
     texts = [name for name in frame if name != time and frame[name].dtype.kind != "f"]
     for name in texts:
         said = columns.recognise(name)
-        glued = frame[name].astype(str).str.match(r"(?!\d*:).*\d\.\d").iloc[0]  # as DATA:0.1
-        glued = glued and re.fullmatch(r"c\d+", name)
+        first = str(frame[name].iloc[0])
+        glued = re.fullmatch(r"c\d+", name) and re.match(r"(?!\d*:).*\d\.\d", first)  # DATA:0.1
         mine = said.kind in ("rate", "accel") and not said.other
         if name in wanted or (not wanted and (mine or glued)):
             wrong = pd.to_numeric(frame[name], errors="coerce").isna() & frame[name].notna()
