@@ -58,7 +58,7 @@ def test_notebook_11_lists_who_entered(door, tmp_path):
     run = [sys.executable, "-m", "analysis", "reproduce", "11", "--scratch", str(tmp_path / "out")]
     env = os.environ | {"COMPENDIUM_DERIVED": str(derived)}
     done = subprocess.run(run, cwd=ROOT, env=env, capture_output=True, text=True, check=True)
-    assert "no number differs" in done.stdout
+    assert "no number of a figure" in done.stdout
     n = np.degrees(TRUTH["gyroscope"]["x"][0])
     row = f"| a stone floor, rate x | measured | {Estimate(n, 0.9 * n, 1.1 * n, 'deg/sqrt(s)')} |"
     assert row in (tmp_path / "out" / "11-unified-table.ipynb").read_text("utf-8")
