@@ -243,6 +243,7 @@ def test_an_end_that_is_hit_is_the_end():
     box = np.zeros(1, bool), np.full(1, -9.0), np.full(1, 9.0)
     surface = Surface(lambda x: -0.5 * x[:, 0] ** 2, lambda point: np.eye(1), *box)
     assert interval(surface, np.zeros(1), 0.0, np.ones(1), threshold=4.0) == (-2.0, 2.0)
+    assert surface.maximum_where(np.ones(1), 3.0, [np.zeros(1)]) == (3.0, -4.5)  # nothing is free
 
 
 @pytest.mark.parametrize("sizes", [(False, False, False), (True, True, False)])
