@@ -60,6 +60,8 @@ class Clock:
         What the offset is, if it is a known one: "5 h (time zone) and -1.00 s".
     undated : bool
         One of the two logs has no date, so that days of the offset mean nothing.
+    by_gps : str
+        The unit that is 18 leap seconds ahead of the other; empty where the offset has none.
     """
 
     offset_s: Estimate
@@ -67,6 +69,7 @@ class Clock:
     middle_s: float = 0.0
     named: str = ""
     undated: bool = False
+    by_gps: str = ""
 
     def to_first(self, t: np.ndarray) -> np.ndarray:
         """Turn times by b into times by a."""
@@ -123,7 +126,7 @@ def clock_offset(a: Track, b: Track) -> Clock:
     # A short stretch of road fits in many places: of fits about as good, that of most common time.
     least = min(fit.scatter for fit in fits)
     best = max((f for f in fits if f.scatter <= ALIKE * least), key=lambda fit: fit.common_s)
-    best = _refined(a, b, best.lag) or best
+    best = _refined(a, b, best.offset.value) or best
     extent = min(_size(x) for _, x in signals)
     same_m = max(SAME_M, min(OWN_ERRORS * best.cross, OF_EXTENT * extent))
     # Elsewhere a short stretch of another road bends alike: a datum shifts more than that.
@@ -131,13 +134,12 @@ def clock_offset(a: Track, b: Track) -> Clock:
     away = best.scatter > same_m or (part and best.apart > same_m)
     if away or best.along > max(ALONG_M, SAME_JOURNEY * best.cross):
         raise CannotAnswer(
-            f"{both} were not on one journey at one time: at the best clock offset ({best.lag:.0f} "
-            f"s, {best.common_s:.0f} s in common) they are {best.apart:.0f} m apart, and about "
-            f"their usual difference still differ by {best.along:.0f} m along the track and "
-            f"{best.cross:.0f} m across{_stamps(a, b)}"
+            f"{both} were not on one journey at one time: at the best clock offset "
+            f"({best.offset.value:.0f} s, {best.common_s:.0f} s in common) they are "
+            f"{best.apart:.0f} m apart, and about their usual difference still differ by "
+            f"{best.along:.0f} m along the track and {best.cross:.0f} m across{_stamps(a, b)}"
         )
-    named = named_offset(best.offset, a, b)
-    return Clock(best.offset, best.drift, best.middle, named, len(_no_date(a, b)) == 1)
+    return Clock(best.offset, best.drift, best.middle, *named_offset(best.offset, a, b))
 
 
 def _signal(track, by_position, use=True):
@@ -172,7 +174,6 @@ def _stamps(a, b):
 
 @dataclass(frozen=True)
 class _Fit:
-    lag: float
     offset: Estimate
     drift: Estimate
     middle: float
@@ -266,7 +267,7 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
     along_m, cross_m = (1.4826 * float(np.median(p)) for p in parts)
     apart, scatter = (float(np.median(np.hypot(*of.T))) for of in (d, residual))
     sizes = apart, scatter, along_m, cross_m
-    return _Fit(lag, offset, drift, middle - lag, *sizes, float(np.ptp(t)))
+    return _Fit(offset, drift, middle - lag, *sizes, float(np.ptp(t)))
 
 
 def _shared(v, other, axes, d):
@@ -385,33 +386,29 @@ def _by_attitude(a: Track, b: Track, lag: float, use: np.ndarray) -> Clock:
         if abs(beta[0]) < ENOUGH_S:
             break
     offset = Estimate(lag, lag - float(half[0]), lag + float(half[0]), "s")
-    named, undated = named_offset(offset, a, b), len(_no_date(a, b)) == 1
-    return Clock(offset, drift, float(np.median(t)) - lag, named, undated)
+    return Clock(offset, drift, float(np.median(t)) - lag, *named_offset(offset, a, b))
 
 
-def _no_date(*units):
-    """Name the units whose stamps do not count from 1970."""
-    return [u.name for u in units if u.clock != "unix"]
-
-
-def named_offset(offset: Estimate, a: Track, b: Track) -> str:
+def named_offset(offset: Estimate, a: Track, b: Track) -> tuple[str, bool, str]:
     """Name an offset that is known: whole hours of a time zone, leap seconds, the GPS epoch.
 
     Returns
     -------
-    str
+    named : str
         Empty where it is none of these; days are no offset where one of the logs has no date.
+    undated : bool
+    by_gps : str
+        As `Clock` has them.
     """
-    value = offset.value or 0.0
-    within = max(1.5, abs(value - (offset.low or value)))
-    rest, parts, undated, no_date = value, [], "", _no_date(a, b)
-    sign = np.sign(value)
-    if abs(abs(value) - GPS_EPOCH_S) < 7 * 86400:
+    rest, within = offset.value, max(1.5, offset.value - offset.low)
+    no_date = [u.name for u in (a, b) if u.clock != "unix"]
+    parts, undated, by_gps, one = [], "", "", len(no_date) == 1
+    if abs(abs(rest) - GPS_EPOCH_S) < 7 * 86400:
         parts.append("seconds since 1970 against seconds since the GPS epoch of 1980")
-        rest -= sign * GPS_EPOCH_S
+        rest -= np.sign(rest) * GPS_EPOCH_S
     elif days := round(rest / 86400) if abs(rest) > 15 * HOUR_S else 0:
         rest -= 86400 * days
-        if len(no_date) == 1:
+        if one:
             undated = f"no date in the log of {no_date[0]}"
         else:
             parts.append(f"{days} d")
@@ -419,14 +416,14 @@ def named_offset(offset: Estimate, a: Track, b: Track) -> str:
     if quarters and abs(quarters) <= 56 and _near(rest - quarters * HOUR_S / 4, within):
         parts.append(f"{quarters / 4:g} h (a time zone)")
         rest -= quarters * HOUR_S / 4
-    if abs(abs(rest) - LEAP_S) < min(within, 0.9):
-        first, second = ("GPS", "UTC") if rest > 0 else ("UTC", "GPS")
+    if abs(abs(rest) - LEAP_S) < 0.9:
+        by_gps, first, second = (a.name, "GPS", "UTC") if rest > 0 else (b.name, "UTC", "GPS")
         parts.append(f"{LEAP_S:.0f} leap seconds ({a.name} in {first} time, {b.name} in {second})")
         rest -= np.sign(rest) * LEAP_S
     if not parts or not _near(rest, within):
-        return undated
+        return undated, one, by_gps
     known = " and ".join([*parts, *([f"{rest:+.2f} s"] if abs(rest) >= 0.01 else [])])
-    return f"{undated}; apart from days, {known}" if undated else known
+    return f"{undated}; apart from days, {known}" if undated else known, one, by_gps
 
 
 def _near(rest, within):

@@ -69,6 +69,16 @@ class Track:
         t = np.concatenate([self.t_s[self.fixed], self.attitude_t_s])
         return (float(t.min()), float(t.max())) if len(t) else (np.inf, -np.inf)
 
+    def enu_at(self, t: np.ndarray) -> np.ndarray:
+        """Interpolate the position; where a height is missing, the others stay.
+
+        Returns
+        -------
+        ndarray, shape (k, 3), m
+        """
+        parts = self.enu[:, :2], self.enu[:, 2:]
+        return np.hstack([interpolated(t, self.t_s, part) for part in parts])
+
     def angles_at(self, t: np.ndarray) -> np.ndarray:
         """Interpolate roll, pitch and yaw, each on its own; continuous over the ends of a turn.
 

@@ -77,21 +77,15 @@ def differences(a: Track, b: Track, *among: Track) -> Differences:
         If they have no common epochs.
     """
     every = among or (a, b)
-    start, stop = (f(u.span[k] for u in every) for k, f in ((0, max), (1, min)))
-    t = _common([u.t_s[u.fixed] for u in every], start, stop)
-    here, there = (interpolated(t, u.t_s, u.enu) for u in (a, b))
-    flat = [interpolated(t, u.t_s, u.enu[:, :2]) for u in (a, b)]  # where only heights are missing
-    enu = there - here
-    enu[:, :2] = flat[1] - flat[0]
-    v = rate(a.t_s, a.enu[:, :2], 1.0)
-    v = interpolated(t, a.t_s, np.where(np.isfinite(v), v, a.velocity))
+    t = _common([u.t_s[u.fixed] for u in every])
+    enu = b.enu_at(t) - a.enu_at(t)
+    v = interpolated(t, a.t_s, rate(a.t_s, a.enu[:, :2], 1.0))
     good = np.isfinite(enu[:, :2]).all(axis=1)
     t, enu, v = t[good], enu[good], v[good]
     speed = np.hypot(*v.T)
-    with np.errstate(invalid="ignore"):
-        course = np.where(speed > MOVING_M_S, np.degrees(np.arctan2(*v.T)), np.nan)
+    course = np.where(speed > MOVING_M_S, np.degrees(np.arctan2(*v.T)), np.nan)
     sin, cos = np.sin(np.radians(course)), np.cos(np.radians(course))
-    angle_t = _common([u.attitude_t_s for u in every], -np.inf, np.inf)
+    angle_t = _common([u.attitude_t_s for u in every])
     angles = [u.angles_at(angle_t) for u in (a, b)]
     known = np.isfinite(angles[1] - angles[0]).any(axis=1)
     if not (len(t) or known.any() or among):
@@ -107,11 +101,11 @@ def differences(a: Track, b: Track, *among: Track) -> Differences:
     return Differences(t, enu, along, cross, speed, turn, *of_attitude)
 
 
-def _common(every, start, stop):
+def _common(every):
     """Take the epochs of the slowest of some series, where all last."""
     if not all(map(len, every)):
         return np.empty(0)
-    start, stop = max(start, *(t[0] for t in every)), min(stop, *(t[-1] for t in every))
+    start, stop = max(t[0] for t in every), min(t[-1] for t in every)
     return min((t[(t >= start) & (t <= stop)] for t in every), key=len)
 
 

@@ -345,11 +345,8 @@ def conventions(b: Track, a: Track | None = None) -> tuple[Track, tuple[str, ...
 
 def _course(t, track):
     """Course over ground at times t, deg; NaN below 2 m/s."""
-    if not track.fixed.any():
-        return np.full(len(t), np.nan)
     v = interpolated(t, track.t_s, rate(track.t_s, track.enu[:, :2], 1.0))
-    with np.errstate(invalid="ignore"):
-        return np.where(np.hypot(*v.T) > 2.0, np.degrees(np.arctan2(*v.T)), np.nan)
+    return np.where(np.hypot(*v.T) > 2.0, np.degrees(np.arctan2(*v.T)), np.nan)
 
 
 def _factor(t, mine, theirs, least, scale=1.0):
@@ -459,7 +456,7 @@ def _heading(a, d):
     """Heading of a at the positions of d, deg: its yaw, or else its course; 0 without either."""
     yaw = a.angles_at(d.t_s)[:, 2]
     if not np.isfinite(yaw).any():
-        yaw = np.where(d.speed_m_s > 2.0, _course(d.t_s, a), np.nan)
+        yaw = _course(d.t_s, a)
     known = np.isfinite(yaw)
     if not known.any():
         return 0 * d.t_s

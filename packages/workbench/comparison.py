@@ -54,21 +54,15 @@ def _draw(found, units, folder):
     draw(jobs, folder, data={k: sha for log in units.values() for k, sha in log.sources.items()})
 
 
-def _utc(found):
+def _utc(found, by_gps):
     """Give what makes UTC of a time after time zero, s; None where no unit's clock is UTC."""
     zero = plots.zero_time(found)
     for track, clock in zip(found.tracks, [None, *found.clocks], strict=True):
         if track.clock == "unix":
             own = clock.from_first if clock else float
-            ahead = LEAP_S if _by_gps(found, track.name) else 0.0
+            ahead = LEAP_S if track.name in by_gps else 0.0
             return lambda seconds: datetime.fromtimestamp(own(zero + seconds) - ahead, UTC)
     return None
-
-
-def _by_gps(found, name):
-    """Tell whether a unit counts by GPS time, as its offset from another one says."""
-    said = (f"({name} in GPS", f", {name} in GPS")  # as `clock.named_offset` has it
-    return any(words in clock.named for clock in found.clocks for words in said)
 
 
 def _from_to(event, utc):
@@ -124,7 +118,8 @@ def _told(found, units):
     With two units ``clock``, ``position``, ``attitude`` are one entry each; with more they are
     lists: ``clock`` of each unit against the first, the others of each pair.
     """
-    zero, utc = plots.zero_time(found), _utc(found)
+    by_gps = {clock.by_gps for clock in found.clocks}
+    zero, utc = plots.zero_time(found), _utc(found, by_gps)
     start = utc(0.0) if utc else None
     names = [track.name for track in found.tracks]
     clocks = []
@@ -173,7 +168,7 @@ def _told(found, units):
         "clocks": clocks,
         "metrics": [position | attitude for position, attitude in zip(*parts, strict=True)],
         "zero": start,
-        "by_gps": {name for name in names if _by_gps(found, name)},
+        "by_gps": by_gps,
         "headline": [Said("apart", about), _counts(events)],
         "notes": [*found.notes, *(n for unit in content["units"] for n in unit["notes"])],
         "events": [e | {"when": _from_to(e, utc)} for e in shown(events)],
