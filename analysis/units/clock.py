@@ -261,12 +261,11 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
     offset = Estimate(lag, float(lag - half[0]), float(lag + half[0]), "s")
     drift = Estimate(slope, float(slope - half[1]), float(slope + half[1]), "s/s")
     moving = speed > 1.0
-    parts = [np.abs((residual * axes[..., k]).sum(axis=1)[moving]) for k in (0, 1)]
     if not moving.any():
         return None
-    along_m, cross_m = (1.4826 * float(np.median(p)) for p in parts)
-    apart, scatter = (float(np.median(np.hypot(*of.T))) for of in (d, residual))
-    sizes = apart, scatter, along_m, cross_m
+    sizes = [float(np.median(np.hypot(*of.T))) for of in (d, residual)]
+    parts = np.abs((residual[..., None] * axes[..., :2]).sum(axis=1)[moving])  # along, across
+    sizes += (1.4826 * np.median(parts, axis=0)).tolist()
     return _Fit(offset, drift, middle - lag, *sizes, float(np.ptp(t)))
 
 
@@ -376,9 +375,7 @@ def _by_attitude(a: Track, b: Track, lag: float, use: np.ndarray) -> Clock:
         if good.sum() < FEWEST_SAMPLES:
             raise CannotAnswer(f"{a.name} and {b.name} have no common attitude samples")
         signs = np.sign([np.cov(mine[good, k], moved[good, k])[0, 1] for k in range(count)])
-        x = np.zeros((int(good.sum()), count, count + 1))
-        x[:, :, 0] = rates[good]
-        x[:, range(count), range(1, count + 1)] = 1.0
+        x = np.dstack([rates[good], np.tile(np.eye(count), (good.sum(), 1, 1))])
         prior = np.array([np.inf, *[360.0] * count])
         d = signs * moved[good] - mine[good]
         beta, half, _ = least_squares(x, d, prior)

@@ -148,14 +148,11 @@ def local_tracks(units: Mapping[str, Timeline]) -> list[Track]:
             middle[name] = np.array([np.nanmedian(lat), lon[fixes][0] + np.nanmedian(east)])
     origin = (*next(iter(middle.values()), (0.0, 0.0)), 0.0)
     tracks = [_track(name, log, origin) for name, log in units.items()]
-    boxes = {
-        t.name: (np.nanmin(t.enu[:, :2], axis=0), np.nanmax(t.enu[:, :2], axis=0))
-        for t in tracks
-        if t.fixed.any()
-    }
-    for name, (low, high) in list(boxes.items())[1:]:
-        one, (low_1, high_1) = next(iter(boxes.items()))
-        apart = float(np.hypot(*np.maximum(0, np.maximum(low - high_1, low_1 - high))))
+    xy = {t.name: t.enu[t.fixed, :2] for t in tracks if t.fixed.any()}
+    for name in xy:
+        one = next(iter(xy))
+        gaps = (xy[k].min(axis=0) - xy[i].max(axis=0) for k, i in ((one, name), (name, one)))
+        apart = float(np.hypot(*np.maximum(0, np.maximum(*gaps))))
         if apart > APART_M:
             raise CannotAnswer(
                 f"{one} and {name} are never closer than {apart / 1000:.0f} km: they did not "

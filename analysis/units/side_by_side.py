@@ -149,8 +149,7 @@ def _with_course(tracks, notes) -> list[Track]:
             course = _course(track.t_s, track)
             angles = np.column_stack([np.full((len(course), 2), np.nan), course])
             known = np.isfinite(course)
-            t, angles = track.t_s[known], angles[known]
-            track = replace(track, attitude_t_s=t, attitude=angles)
+            track = replace(track, attitude_t_s=track.t_s[known], attitude=angles[known])
             notes.append(f"{track.name} has no attitude: its course is compared with the yaw")
         out.append(track)
     return out
