@@ -463,6 +463,20 @@ def test_metrics_hold_the_truth():
     assert few.low is quantile(t[:300], 0.5, "m").low is None and "too few" in few.note
 
 
+def test_a_short_log_does_not_make_a_standard_deviation_sharper():
+    """coverage: 95 % intervals hold it in 87 % of 300 logs of 600 s (1.8 % s.e.; it was 82).
+
+    Squares count as of Gaussian values at least: of uniform ones, whose squares scatter less, too.
+    """
+    logs = map(np.random.default_rng, np.random.SeedSequence(11).spawn(300))
+    found = [root_mean_square(x - x.mean(), "m") for x in (
+        gauss_markov(600, 1.0, 1.0, 20.0, rng, runs=1)[0] for rng in logs
+    )]  # fmt: skip
+    assert np.mean([e.low <= 1.0 <= e.high for e in found]) >= 0.87
+    even = root_mean_square(np.random.default_rng(1).uniform(-1, 1, 4000), "m")
+    assert np.log(even.high / even.low) / 2 == pytest.approx(1.96 / np.sqrt(2 * 4000), rel=0.1)
+
+
 def test_a_noisy_drive_has_no_events_but_a_jump_of_many_deviations():
     """property: turns, stops and noise of 0.02 m are none; a jump of 2 m, and back, is two.
 

@@ -1,7 +1,8 @@
 """Differences between two units on one clock, and their size with intervals.
 
 The intervals count independent samples: a quantile has those of the indicator of being beyond it,
-a root mean square those of the squares (`noise.position.effective_samples`).
+a root mean square those of the squares (`noise.position.effective_samples`). A short log shows the
+scatter of squares too small and too quick: they count at least as of Gaussian values.
 """
 
 from dataclasses import dataclass
@@ -199,6 +200,9 @@ def root_mean_square(x: np.ndarray, unit: str) -> Estimate:
 
         log interval +- t sd(x^2) / (2 mean(x^2) sqrt(N)),   N the independent samples of x^2
 
+    Of Gaussian x the variance of x^2 is 2 v^2 + 4 m^2 v, m and v mean and variance of x, and N at
+    most twice that of x: so sd(x^2) is at least, and N at most, that.
+
     Parameters
     ----------
     x : ndarray, shape (n,)
@@ -209,10 +213,11 @@ def root_mean_square(x: np.ndarray, unit: str) -> Estimate:
     -------
     Estimate
     """
-    square = x[np.isfinite(x)] ** 2
-    mean, n = float(square.mean()), effective_samples(square)
-    value = float(np.sqrt(mean))
-    half = normal_factor(n) * float(square.std()) / (2 * mean * np.sqrt(n)) if mean else 0.0
+    x = x[np.isfinite(x)]
+    mean, own = float(np.mean(x**2)), float(x.var())
+    n = min(effective_samples(x**2), 2 * effective_samples(x))
+    value, least = float(np.sqrt(mean)), np.sqrt(2 * own**2 + 4 * x.mean() ** 2 * own)
+    half = normal_factor(n) * max(np.std(x**2), least) / (2 * mean * np.sqrt(n)) if mean else 0.0
     low, high = (value * np.exp([-half, half])).tolist()
     return _estimate(value, low, high, n, unit)
 
