@@ -22,6 +22,7 @@ RENEWED_S = 1.5  # a position that repeats for less is a slow receiver, not a st
 SMOOTH_S = 1.0  # width of the difference that gives velocity and rates of turn
 FEWEST = 10  # epochs with a position, or with an attitude
 ANGLES = ("roll", "pitch", "yaw")
+STEEP_DEG = 60.0  # of pitch, beyond which noise of an attitude counts twice in its roll and yaw
 APART_M = 50e3  # farther from each other at all times, two units made no common journey
 
 
@@ -79,15 +80,27 @@ class Track:
         parts = self.enu[:, :2], self.enu[:, 2:]
         return np.hstack([interpolated(t, self.t_s, part) for part in parts])
 
+    def velocity_at(self, t: np.ndarray) -> np.ndarray:
+        """Interpolate the velocity by the positions.
+
+        Returns
+        -------
+        ndarray, shape (k, 2), m/s
+        """
+        return interpolated(t, self.t_s, rate(self.t_s, self.enu[:, :2], SMOOTH_S))
+
     def angles_at(self, t: np.ndarray) -> np.ndarray:
         """Interpolate roll, pitch and yaw, each on its own; continuous over the ends of a turn.
 
         Returns
         -------
         ndarray, shape (k, 3), deg
+            Roll and yaw NaN at steep pitch: straight up they turn about one axis.
         """
         angles = unwrapped(self.attitude)
-        return np.hstack([interpolated(t, self.attitude_t_s, angles[:, [k]]) for k in range(3)])
+        out = np.hstack([interpolated(t, self.attitude_t_s, angles[:, [k]]) for k in range(3)])
+        out[np.ix_(np.abs(wrap(out[:, 1])) > STEEP_DEG, [0, 2])] = np.nan
+        return out
 
     def shifted(self, to_common) -> "Track":
         """The same track with its times changed.

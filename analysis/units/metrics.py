@@ -12,7 +12,7 @@ from scipy.stats import t as student
 
 from analysis import CannotAnswer, Estimate, wrap
 from analysis.noise.position import effective_samples
-from analysis.units.frame import ANGLES, Track, interpolated, rate, unwrapped
+from analysis.units.frame import ANGLES, Track, rate, unwrapped
 
 MOVING_M_S = 1.0  # above it the direction of travel is known
 TURN_S = 2.0  # width of the difference that gives the rate of turn
@@ -36,7 +36,7 @@ class Differences:
         Of a; turn positive to the right, NaN below 1 m/s.
     attitude_t_s : ndarray, shape (m,)
     attitude : ndarray, shape (m, 3)
-        Roll, pitch, yaw, deg, wrapped to (-180, 180].
+        Roll, pitch, yaw, deg, wrapped to (-180, 180]; NaN where `Track.angles_at` is.
     attitude_turn_deg_s : ndarray, shape (m,)
         Rate of the yaw of a.
     """
@@ -80,7 +80,7 @@ def differences(a: Track, b: Track, *among: Track) -> Differences:
     every = among or (a, b)
     t = _common([u.t_s[u.fixed] for u in every])
     enu = b.enu_at(t) - a.enu_at(t)
-    v = interpolated(t, a.t_s, rate(a.t_s, a.enu[:, :2], 1.0))
+    v = a.velocity_at(t)
     good = np.isfinite(enu[:, :2]).all(axis=1)
     t, enu, v = t[good], enu[good], v[good]
     speed = np.hypot(*v.T)

@@ -16,7 +16,7 @@ from tqdm import tqdm
 from analysis import CannotAnswer, Estimate, wrap
 from analysis.units.clock import Clock, clock_offset, least_squares, lever_and_shift, stands_still
 from analysis.units.events import Apart, Event, disagreements, find_events
-from analysis.units.frame import ANGLES, Track, interpolated, local_tracks, rate, unwrapped
+from analysis.units.frame import ANGLES, STEEP_DEG, Track, interpolated, local_tracks, unwrapped
 from analysis.units.metrics import Differences, about_their_mean, differences, trajectory_metrics
 from analysis.units.variances import Variances, unit_variances
 from sensorlogs.timeline import Timeline
@@ -118,6 +118,9 @@ def side_by_side(units: Mapping[str, Timeline]) -> Comparison:
     events = []
     for k, track in enumerate(tracks):
         events += find_events(track, tracks[:k] + tracks[k + 1 :])
+        if (np.abs(wrap(track.attitude[:, 1])) > STEEP_DEG).any():
+            steep = f"the pitch of {track.name} is beyond {STEEP_DEG:.0f} deg"
+            notes.append(f"roll and yaw are not compared where {steep}: noise is larger there")
     pairs, distances = [], []
     late = dict(zip(units, [0.0, *map(_half, clocks)], strict=True))
     for a, b in tqdm([*combinations(tracks, 2)], unit="pair", **bar):
@@ -344,7 +347,7 @@ def conventions(b: Track, a: Track | None = None) -> tuple[Track, tuple[str, ...
 
 def _course(t, track):
     """Course over ground at times t, deg; NaN below 2 m/s."""
-    v = interpolated(t, track.t_s, rate(track.t_s, track.enu[:, :2], 1.0))
+    v = track.velocity_at(t)
     return np.where(np.hypot(*v.T) > 2.0, np.degrees(np.arctan2(*v.T)), np.nan)
 
 
