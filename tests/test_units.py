@@ -14,6 +14,7 @@ import pytest
 from refused import own_logs, refused
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq, minimize
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from scipy.stats import t as student
 from test_cli import failed, told
@@ -38,7 +39,7 @@ from analysis.units.variances import unit_variances
 from sensorlogs.timeline import Attitude, Gnss, Timeline
 from studies import coverage
 from workbench import comparison
-from workbench.pages import Said, phrase
+from workbench.pages import TEXTS, Said, phrase
 
 HOME = (46.2, 6.1, 400.0)
 NONE, NAN = np.empty(0), np.nan
@@ -940,6 +941,16 @@ def test_events_are_in_utc_by_a_clock_that_drifts():
         assert told["by_gps"] == {"a"}
 
 
+def test_a_largest_difference_is_no_disagreement():
+    """property: a drive without events says so, and then lists where the units differ most."""
+    units = named(*pair(np.random.default_rng(1), seconds=300, corr_time=5.0))
+    told = comparison._told(side_by_side(units), units)
+    said = TEXTS.get_template("compare.txt").render(**told, out="out")
+    assert "disagreements; the largest differences:\n  a and b: largest position" in said
+    assert phrase(told["headline"][1]) == "no jumps, holds, losses or disagreements"
+    assert not told["counts"] and [e["unit"] for e in told["events"]] == ["a and b"]
+
+
 def test_an_attitude_against_a_position():
     """property: a course stands for a yaw; the clock is found from turns, to 0.1 s."""
     rng = np.random.default_rng(20)
@@ -1126,6 +1137,28 @@ def test_attitudes_alone():
     assert not found.clocks[0].offset_s.resolved
     assert any("stamps are taken" in note for note in found.notes)
     assert all(e.low <= 0.1 <= e.high for e in found.variances["roll"].independent)
+
+
+def test_roll_and_yaw_are_not_compared_straight_up():
+    """analytic: loops, noise of 0.5 deg about each axis; in roll and yaw it counts up to twice.
+
+    With roll and yaw at each pitch their root mean square was 10 deg, with many disagreements.
+    """
+    t, rng, logs = np.arange(0.0, 300.0, 0.1), np.random.default_rng(1), []
+    loop = Rotation.from_euler("ZYX", np.column_stack([0 * t + 40, 12 * t, 0 * t]), degrees=True)
+    for _ in "ab":
+        noise = Rotation.from_rotvec(gauss_markov(len(t), 0.1, 0.5, 2.0, rng, runs=3).T, True)
+        angles = (loop * noise).as_euler("ZYX", degrees=True).T[::-1]
+        logs.append(Timeline(None, None, attitude=Attitude(t, *angles), clock="unix"))
+    a, b = local_tracks(named(*logs))
+    d = differences(a, b)
+    rms = np.sqrt(np.nanmean(d.attitude**2, axis=0))
+    level = np.sqrt(2) * 0.5  # times the root mean square of 1 / cos of the pitch
+    mean = np.tan(np.radians(60)) / np.radians(60)
+    assert rms == pytest.approx(level * np.sqrt([mean, 1.0, mean]), rel=0.15)
+    assert np.isfinite(d.attitude).mean(axis=0) == pytest.approx([2 / 3, 1, 2 / 3], abs=0.02)
+    assert not [e for e in disagreements(apart(a, b, d)) if "largest" not in e.kind]
+    assert any("roll and yaw are not compared" in said for said in side_by_side(named(*logs)).notes)
 
 
 def test_stored_study_of_the_hat():

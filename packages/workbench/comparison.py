@@ -96,8 +96,7 @@ def shown(events):
 
 def _counts(events):
     """Count events by kind, and add up what was lost."""
-    lost = (e for e in events if not e["kind"].startswith("largest"))
-    sizes = grouped((e["kind"], e["size"]) for e in lost)
+    sizes = grouped((e["kind"], e["size"]) for e in events)
     kinds = [(kind, len(own), sum(own)) for kind, own in sizes.items()]
     return Said("counts", {"kinds": kinds})
 
@@ -161,6 +160,7 @@ def _told(found, units):
         "notes": list(found.notes),
     }
     events, first = content["events"], found.pairs[0]
+    real = [e for e in events if not e["kind"].startswith("largest")]
     about = {"a": first.a, "b": first.b, "metrics": first.metrics, "units": len(names)}
     return {
         "content": content,
@@ -169,10 +169,10 @@ def _told(found, units):
         "metrics": [position | attitude for position, attitude in zip(*parts, strict=True)],
         "zero": start,
         "by_gps": by_gps,
-        "headline": [Said("apart", about), _counts(events)],
+        "headline": [Said("apart", about), _counts(real)],
         "notes": [*found.notes, *(n for unit in content["units"] for n in unit["notes"])],
         "events": [e | {"when": _from_to(e, utc)} for e in shown(events)],
-        "counts": {u: _counts(own) for u, own in grouped((e["unit"], e) for e in events).items()},
+        "counts": {u: _counts(own) for u, own in grouped((e["unit"], e) for e in real).items()},
         "rows": rows,
         "picture_of": _picture,
     }
