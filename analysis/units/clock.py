@@ -165,9 +165,7 @@ def stands_still(track: Track) -> bool:
 
 def _stamps(a, b):
     """Say by how much the stamps of two units miss each other, where they do."""
-    (start, stop), (begin, end) = (
-        (t.min(), t.max()) for t in (np.concatenate([u.t_s, u.attitude_t_s]) for u in (a, b))
-    )
+    (start, stop), (begin, end) = a.span, b.span
     gap = max(begin - stop, start - end)
     return f"; by their stamps {gap:.0f} s lie between them" if gap > 0 else ""
 

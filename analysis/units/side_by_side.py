@@ -102,9 +102,8 @@ def side_by_side(units: Mapping[str, Timeline]) -> Comparison:
     """
     notes: list[str] = []
     tracks = local_tracks(units)
-    for track in tracks:
-        gnss, kept = units[track.name].gnss, len(track.t_s)
-        all_ = 0 if gnss is None else len(gnss.t_s)
+    for track, log in zip(tracks, units.values(), strict=True):
+        all_, kept = len(log.gnss.t_s) if log.gnss else 0, len(track.t_s)
         if 2 * kept < all_:
             notes.append(
                 f"{track.name}: {all_ - kept} of {all_} epochs repeat the position before them; "
@@ -171,10 +170,10 @@ def _clock(a: Track, b: Track, notes) -> Clock:
     try:
         clock = clock_offset(a, b)
     except CannotAnswer as error:
-        start, stop = (f(a.span[k], b.span[k]) for k, f in ((0, max), (1, min)))
         if not (stands_still(a) and stands_still(b)):
             raise
-        if stop <= start or a.clock != b.clock:
+        (start, stop), (begin, end) = a.span, b.span
+        if min(stop, end) <= max(start, begin) or a.clock != b.clock:
             raise CannotAnswer(
                 f"{a.name} and {b.name} stand still and their stamps do not overlap: nothing tells "
                 "which times belong together"
@@ -233,11 +232,10 @@ def with_clock(a: Track, b: Track, d: Differences, half: float) -> dict[str, Est
 
 def _agreed(tracks, notes):
     """Bring all attitudes to one convention: that of the first one which has turns to check it."""
-    reference, out = None, []
+    out: list[Track] = []
     for track in tracks:
+        reference = next((t for t in out if len(t.attitude_t_s)), None)
         track, said = conventions(track, reference)
-        if reference is None and len(track.attitude_t_s):
-            reference = track
         notes += said
         out.append(track)
     return out
@@ -292,8 +290,8 @@ def conventions(b: Track, a: Track | None = None) -> tuple[Track, tuple[str, ...
     b : Track
         The unit to be checked.
     a : Track, optional
-        Another one on the same clock, taken as right; its attitude, or else its course, is the
-        reference. Without it, b's own course.
+        Another one on the same clock, whose attitude is taken as right. Without it, b's own course
+        tells of its yaw.
 
     Returns
     -------
@@ -306,12 +304,11 @@ def conventions(b: Track, a: Track | None = None) -> tuple[Track, tuple[str, ...
     if not len(b.attitude_t_s):
         return b, ()
     angles, said, t = b.attitude.copy(), [], b.attitude_t_s
-    reference = b if a is None else a
-    if a is not None and len(a.attitude_t_s):
+    if a is not None:
         theirs, name = unwrapped(a.angles_at(t)), "the {} of " + a.name
-    else:  # a course tells of the yaw alone
-        theirs, name = np.full(angles.shape, np.nan), "the course of " + reference.name
-        theirs[:, 2] = unwrapped(_course(t, reference)[:, None])[:, 0]
+    else:
+        theirs, name = np.full(angles.shape, np.nan), "the course of " + b.name
+        theirs[:, 2:] = unwrapped(_course(t, b)[:, None])
     scale = np.ones(3)
     if np.nanmax(np.abs(angles[:, 2]), initial=0.0) < RADIANS:
         scale[2] = RADIAN  # what it wraps by, if it is in radians
@@ -321,10 +318,9 @@ def conventions(b: Track, a: Track | None = None) -> tuple[Track, tuple[str, ...
         factor = _factor(t, mine[:, k], theirs[:, k], least, scale[k])
         if factor is None:
             if k < 2 and _factor(t, mine[:, k], theirs[:, 1 - k], least) is not None:
-                said.append(
-                    f"{b.name}: {ANGLES[k]} follows the {ANGLES[1 - k]} of {reference.name}: axes "
-                    "changed over; not put right"
-                )
+                other = name.format(ANGLES[1 - k])
+                what = "axes changed over; not put right"
+                said.append(f"{b.name}: {ANGLES[k]} follows {other}: {what}")
             continue
         found = [FACTORS[factor]] if FACTORS[factor] else []
         if found:
@@ -356,9 +352,8 @@ def _factor(t, mine, theirs, least, scale=1.0):
 
     Changes of more than half a turn are taken for jumps of an angle that wraps.
     """
-    step = float(np.median(np.diff(t))) if len(t) > 2 else 0.0
-    lag = max(1, round(WINDOW_S / step)) if step else 0
-    if not lag or len(t) < 5 * lag:
+    lag = max(1, round(WINDOW_S / np.median(np.diff(t)))) if len(t) > 1 else 1
+    if len(t) < 5 * lag:
         return None
     x, y = wrap(theirs[lag:] - theirs[:-lag]), wrap(mine[lag:] - mine[:-lag])
     good = np.isfinite(x + y)
