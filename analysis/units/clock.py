@@ -126,7 +126,7 @@ def clock_offset(a: Track, b: Track) -> Clock:
     # A short stretch of road fits in many places: of fits about as good, that of most common time.
     least = min(fit.scatter for fit in fits)
     best = max((f for f in fits if f.scatter <= ALIKE * least), key=lambda fit: fit.common_s)
-    best = _refined(a, b, best.offset.value) or best
+    best = _refined(a, b, best.offset.value or 0.0) or best
     extent = min(_size(x) for _, x in signals)
     same_m = max(SAME_M, min(OWN_ERRORS * best.cross, OF_EXTENT * extent))
     # Elsewhere a short stretch of another road bends alike: a datum shifts more than that.
@@ -261,10 +261,10 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
     moving = speed > 1.0
     if not moving.any():
         return None
-    sizes = [float(np.median(np.hypot(*of.T))) for of in (d, residual)]
+    apart, scatter = (float(np.median(np.hypot(*of.T))) for of in (d, residual))
     parts = np.abs((residual[..., None] * axes[..., :2]).sum(axis=1)[moving])  # along, across
-    sizes += (1.4826 * np.median(parts, axis=0)).tolist()
-    return _Fit(offset, drift, middle - lag, *sizes, float(np.ptp(t)))
+    along, cross = (1.4826 * np.median(parts, axis=0)).tolist()
+    return _Fit(offset, drift, middle - lag, apart, scatter, along, cross, float(np.ptp(t)))
 
 
 def _shared(v, other, axes, d):
@@ -395,7 +395,8 @@ def named_offset(offset: Estimate, a: Track, b: Track) -> tuple[str, bool, str]:
     by_gps : str
         As `Clock` has them.
     """
-    rest, within = offset.value, max(1.5, offset.value - offset.low)
+    rest, low = offset.value or 0.0, offset.low or 0.0
+    within = max(1.5, rest - low)
     no_date = [u.name for u in (a, b) if u.clock != "unix"]
     parts, undated, by_gps, one = [], "", "", len(no_date) == 1
     if abs(abs(rest) - GPS_EPOCH_S) < 7 * 86400:
