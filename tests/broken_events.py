@@ -3,8 +3,13 @@
 import math
 from typing import NamedTuple
 
+import numpy as np
+
+from analysis import STANDARD_GRAVITY
 from analysis.tracker.device import Device, Epoch, Options
+from analysis.tracker.last_position import metres_per_degree
 from analysis.tracker.log_replay import stepped
+from sensorlogs.timeline import Gnss, Imu, Timeline, inject_outages
 
 NAN, INF = math.nan, math.inf
 
@@ -84,6 +89,25 @@ BROKEN = (
     missing_numbers, impossible_numbers, a_gap, clock_set_back, clock_set_forward, no_times,
     late_and_doubled, empty_epochs,
 )  # fmt: skip
+
+
+def drive(imu_hz=50, gnss_hz=1, outages=()):
+    """Drive north without noise, the sensor 30 deg clockwise: a log, and how far it is at epochs.
+
+    Rest, 2 m/s^2 from 10 s to 12 m/s, now faster and now slower, 1 m/s^2 to rest at 112 s. From
+    45 N, 9 E; the way in degrees of latitude.
+    """
+    t = np.arange(15_000) / 100
+    wave = np.cos(2 * np.pi * (t - 16) / 15)
+    force = np.select([t < 10, t < 16, t < 91, t < 100, t < 112], [0, 2, wave, 0, -1])
+    speed = np.cumsum(force) / 100
+    way = np.cumsum(speed) / 100 / metres_per_degree(45.0)[0]
+    at, of = slice(None, None, 100 // gnss_hz), slice(None, None, 100 // imu_hz)
+    one = np.ones(len(t[at]))
+    fixes = Gnss(t[at], 45 + way[at], 9 * one, 0 * one, 2 * one, speed[at], 0 * one, one > 0)
+    ahead = np.outer(force[of], [math.cos(math.pi / 6), -0.5, 0.0])
+    imu = Imu(t[of], 0.0 * ahead, ahead - [0.0, 0.0, STANDARD_GRAVITY])
+    return inject_outages(Timeline(fixes, imu), outages), way[at]
 
 
 class Seen(NamedTuple):

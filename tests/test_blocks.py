@@ -298,7 +298,7 @@ def test_in_an_outage_the_speed_of_the_car_forbids_rest():
     """known case: above 2 m/s block 3 is told so, unless a receiver gives a speed."""
     for slow, speed, told in ((1, math.nan, math.nan), (0, math.nan, 2.0), (0, 0.3, 0.3)):
         device = stand_ins(
-            Options(), constrained={"started": True, "may_rest": slow, "C_nb": np.eye(3).tolist()},
+            Options(), constrained={"started": True, "creeps": slow, "C_nb": np.eye(3).tolist()},
             attitude={}, last={"step.return_value": True}, frame={"degrees.return_value": (0, 0)},
             _rests={"return_value": False}, _by_fixes={}, _orient={}, _fuse={}, _ellipse={},
         )  # fmt: skip

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pymap3d
 import pytest
+from broken_events import drive
 from refused import refused, where_here
 from scipy.spatial.transform import Rotation
 
@@ -153,7 +154,8 @@ def test_the_constraint_is_the_derivative_of_the_sideways_velocity(static):
 def test_what_it_starts_with():
     """analytic: what it is told, still downward; more doubt than usual is believed.
 
-    The car's axes in those of a level sensor, by the mounting angle; a car creeps below 2 m/s.
+    The car's axes in those of a level sensor, by the mounting angle; a car creeps below 2 m/s, and
+    rests only if it pulls by no more than what it is told leaves open: 0.4 m/s^2.
     """
     told = (8.0, 5.0), (EYE, [0.1] * 3, [0.0, 0.0, 1.0]), 0.5, 2.0, 0.3
     for more in ((0.25, 0.0), (0.0, 0.36), None):
@@ -168,7 +170,23 @@ def test_what_it_starts_with():
     np.testing.assert_allclose(block.C_vb, Rotation.from_euler("Z", 0.5).as_matrix())
     for speed in (0.99, 1.01):
         block.velocity = [1.2 * speed, 1.6 * speed, 9.0]
-        assert block.may_rest == (speed < 1)
+        assert block.creeps == (speed < 1)
+        for pull in (0.99, 1.01):
+            block._pull = [0.24 * pull, -0.32 * pull, 9.0]
+            assert block.may_rest == (speed < 1 and pull < 1)
+    assert np.hypot(STANDARD_GRAVITY * constrained.START[0], constrained.START[3]) == pytest.approx(
+        constrained.PULL, abs=0.005
+    )
+
+
+def test_braking_in_an_outage_is_no_rest():
+    """known case: 1 m/s^2 down to rest, without noise: it stands where it stopped, to 1 m.
+
+    Held to be at rest from 2 m/s on, it came to 21 m.
+    """
+    log, way = drive(outages=[(95, 125)])
+    out = replay(log, Options(filter="car")).columns["out_lat_deg"]
+    assert abs(out - 45 - way)[100:].max() < 1.0 / 111_000
 
 
 def test_sigmas_are_those_of_the_angles():

@@ -1028,8 +1028,12 @@ static void car_reach(Constrained *b, number later) {
   b->later = later;
 }
 
-static bool car_may_rest(const Constrained *b) {
+static bool car_creeps(const Constrained *b) {
   return SQUARE(b->velocity[0]) + SQUARE(b->velocity[1]) < SQUARE(CONSTRAINED_CREEP);
+}
+
+static bool car_may_rest(const Constrained *b) {
+  return car_creeps(b) && SQUARE(b->pull[0]) + SQUARE(b->pull[1]) < SQUARE(CONSTRAINED_PULL);
 }
 
 static void car_sample(Constrained *b, const number gyro[3], const number accel[3], number dt,
@@ -1390,7 +1394,7 @@ Row device_gnss(Device *d, const Epoch *given) {
   number by_fixes = device_by_fixes(d, e->t_s, fix, speed, course);
   number told = d->gives_speed ? speed : by_fixes;
   const Constrained *car = car_of(d);
-  if (!known(told) && car && !car_may_rest(car)) told = CONSTRAINED_CREEP;
+  if (!known(told) && car && !car_creeps(car)) told = CONSTRAINED_CREEP;
   bool rests = device_rests(d, told);
   bool moving = !(rests && OPTIONS_STATIC);
   device_orient(d, moving, rests, course, speed, R(apart));

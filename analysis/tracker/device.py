@@ -240,7 +240,7 @@ class Device:
             self.static.no_imu()
         by_fixes = self._by_fixes(epoch.t_s, fix, speed, course)
         told, car = speed if self.gives_speed else by_fixes, self.constrained
-        if told != told and car and car.started and not car.may_rest:
+        if told != told and car and car.started and not car.creeps:
             told = CREEP  # or more: to the IMU alone steady motion in an outage looks like rest
         rests = self._rests(told)
         moving = not (rests and self.options.static)
