@@ -12,9 +12,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
+from refused import refused
 from test_cli import failed, run
 
-from analysis import STANDARD_GRAVITY, Estimate, wrap
+from analysis import STANDARD_GRAVITY, Estimate, WrongUsage, wrap
 from analysis.tracker import GATE_ALONE, Stored, log_replay, replay, scenarios
 from analysis.tracker.device import BLOCKS, Options
 from sensorlogs import datasets
@@ -157,6 +158,9 @@ def test_imu_without_gnss(laps):
     setting_off = still.columns["t_s"] > 21.0  # then the IMU has seen motion, and it is given up
     assert (still.columns["out_lat_deg"][still.columns["t_s"] < 20.0] == 44.5).all()
     assert np.isnan(still.columns["out_lat_deg"][setting_off]).all()
+    short = with_imu(replace(laps[0].log, gnss=None), laps[0].log.imu.t_s < 0.9)
+    why = "nothing to replay: without positions it takes an IMU log of 1 s or more"
+    refused(WrongUsage, why, replay, short)
 
 
 def shaken(log):

@@ -90,7 +90,8 @@ def replay(
     Raises
     ------
     WrongUsage
-        If the log has neither positions nor an IMU, or that filter is needed and not used.
+        If the log has neither positions nor a second of an IMU, or that filter is needed and not
+        used.
     """
     lag, moves = motion(timeline)
     options = options or Options()
@@ -120,7 +121,9 @@ def replay(
             attitude = [[*axis] for axis in car.C_nb]
             marks.append((rows[-1], device, car.step, device.ned, attitude, car.missing))
     if not rows:
-        raise WrongUsage("nothing to replay: the log has neither positions nor an IMU")
+        short = f"without positions it takes an IMU log of {ROW_S:g} s or more"
+        neither = "the log has neither positions nor an IMU"
+        raise WrongUsage(f"nothing to replay: {short if timeline.imu else neither}")
     _look_back(marks)
     columns = _columns(timeline.gnss, rows)
     remarks = tuple(_remarks(timeline, options, columns, devices, unexplained, lag, moves))
