@@ -11,8 +11,9 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.spatial.transform import Rotation
+from broken_events import drive
 from refused import refused
+from scipy.spatial.transform import Rotation
 from test_cli import failed, run
 
 from analysis import STANDARD_GRAVITY, Estimate, WrongUsage, wrap
@@ -420,6 +421,19 @@ def test_a_summary_by_hand():
     }  # fmt: skip
 
 
+def test_a_stored_position_far_away_tells_nothing_of_the_scale():
+    """known case: 35 deg of latitude to the south, and the drive is the one without, to 0.1 m.
+
+    A local frame that is put there makes it 0.6 m.
+    """
+    log, way = drive()
+    for stored in (None, Stored(10.0, 9.0, 0.0, 0.0, 2.0)):
+        track = replay(log, Options(filter="car"), stored)
+        assert abs(track.columns["out_lat_deg"] - 45 - way)[80:].max() < 0.1 / 111_000
+        assert track.summary["moved_while_off_m"] == (stored and pytest.approx(3_880_000, rel=1e-2))
+        assert "far" not in [code for code, _ in track.remarks]
+
+
 def test_each_start_has_its_summary(capsys, monkeypatch):
     """property: two starts an hour apart: two summaries, and the gap is no standing time.
 
@@ -444,15 +458,21 @@ def test_each_start_has_its_summary(capsys, monkeypatch):
 
 
 def test_an_hour_of_driving_in_a_gap_leaves_no_old_place():
-    """property: driving on after an hour: empty for five seconds, then the fixes, never behind."""
+    """property: driving on after an hour: empty for five seconds, then the fixes, never behind.
+
+    Switched on anew, its origin is there; without a restart it is the first one, which is said.
+    """
     gnss = ride(20.0, 54_000.0)
     track = replay(Timeline(gnss, None, restarts_s=(3700.0,)))
     out, said = track.columns["out_lat_deg"], " ".join(notes(track))
     assert np.isnan(out[100:105]).all()
     assert np.abs(out - gnss.lat_deg)[105:].max() * 111_132 < 1.0
-    assert "held there" not in said and "the track ends 57 km from its origin" in said
-    of = dict(track.remarks)  # until the first fixes agree, and 94 s at 20 m/s from there
-    assert 1000 * of["far"]["distance"] == pytest.approx(of["moved"]["moved"] + 1880.0, rel=2e-4)
+    assert "held there" not in said and "origin" not in said and "moved while" in said
+    track = replay(Timeline(gnss, None))
+    assert "the track ends 58 km from its origin" in " ".join(notes(track))
+    first = np.argmax(track.columns["accepted"])
+    way = 111_132 * (gnss.lat_deg[-1] - gnss.lat_deg[first])
+    assert 1000 * dict(track.remarks)["far"]["distance"] == pytest.approx(way, rel=2e-4)
 
 
 def test_the_filters_start_anew_where_good_fixes_contradict_them(laps):

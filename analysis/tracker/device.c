@@ -1079,7 +1079,7 @@ void device_start(Device *d, const Stored *stored, bool has_imu, Constrained *co
   d->t_imu = d->t_fusion = d->t_epoch = NAN, d->t_fix = -INFINITY;
   if (!OPTIONS_LAST_POSITION || !stored || !stored->known) stored = NULL;
   last_start(&d->last, stored);
-  if (stored) frame_start(&d->frame, &stored->at), d->has_frame = d->has_ned = true;
+  if (stored) frame_start(&d->frame, &stored->at), d->has_ned = true;
   d->has_attitude = OPTIONS_ATTITUDE && has_imu;
   attitude_start(&d->attitude);
   d->still = (StaticTest){true, UNKNOWN, UNKNOWN, UNKNOWN, {0}, 0, 0, 0, 0};
@@ -1382,8 +1382,8 @@ Row device_gnss(Device *d, const Epoch *given) {
   Epoch epoch = device_known(d, given, device_now(d, given->t_s, d->t_epoch)), *e = &epoch;
   wide apart = is_time(d->t_epoch) ? e->t_s - d->t_epoch : 0;
   d->t_epoch = e->t_s;
-  bool accepted = last_step(&d->last, e);
-  if (accepted && !d->has_frame) frame_start(&d->frame, &e->fix), d->has_frame = true;
+  bool first = !d->last.accepted, accepted = last_step(&d->last, e);
+  if (accepted && first) frame_start(&d->frame, &e->fix);
   if (!d->last.position.known) d->has_ned = false;
   number ned[3], *fix = accepted ? ned : NULL;
   if (accepted) frame_ned(&d->frame, &e->fix, ned);

@@ -130,7 +130,7 @@ typedef struct {
 } Fix;
 
 typedef struct {
-  bool has_attitude, fuses, has_frame, has_ned, has_left, gives_speed, moved, slow, rested;
+  bool has_attitude, fuses, has_ned, has_left, gives_speed, moved, slow, rested;
   LastPosition last;
   Frame frame;
   Attitude attitude;

@@ -120,8 +120,8 @@ class Device:
     Attributes
     ----------
     ned : sequence of 3 floats or None
-        What is put out: north, east and down in ``frame``, whose origin is the stored position, or
-        else the first accepted fix.
+        What is put out: north, east and down in ``frame``, whose origin is the first accepted fix,
+        before it the stored position.
     gives_speed : bool
         Whether the receiver has reported a speed; until then block 3 computes it from the fixes.
     """
@@ -228,7 +228,7 @@ class Device:
         self._t_epoch = epoch.t_s
         measured = epoch.mode, epoch.satellites, epoch.speed, epoch.course
         accepted = self.last.step(epoch.t_s, epoch.fix, epoch.pdop, *measured)
-        if accepted and not self.frame:
+        if accepted and self.last.accepted == 1:  # the stored position may be far away
             self.frame = Frame(epoch.fix)
         if self.last.position is None:  # contradicted
             self.ned = None
