@@ -18,6 +18,7 @@ from test_cli import failed, run
 
 from analysis import STANDARD_GRAVITY, Estimate, WrongUsage, wrap
 from analysis.tracker import GATE_ALONE, Stored, log_replay, replay, scenarios
+from analysis.tracker.attitude import Upright
 from analysis.tracker.device import BLOCKS, Options
 from sensorlogs import datasets
 from sensorlogs import moving as tracks
@@ -432,6 +433,21 @@ def test_a_stored_position_far_away_tells_nothing_of_the_scale():
         assert abs(track.columns["out_lat_deg"] - 45 - way)[80:].max() < 0.1 / 111_000
         assert track.summary["moved_while_off_m"] == (stored and pytest.approx(3_880_000, rel=1e-2))
         assert "far" not in [code for code, _ in track.remarks]
+
+
+def test_a_fast_receiver_beside_a_slow_imu(monkeypatch):
+    """known case: 16 straights and 30 deg at 10 fixes a second, whether the IMU gives 50 or 2 Hz.
+
+    Its mean force counts for the time since its last sample, but not across a gap of it.
+    """
+    for imu_hz in (50, 5, 2):
+        mounting = replay(drive(imu_hz, 10)[0], Options()).summary["mounting"]
+        assert mounting["straights"] == 16 and mounting["deg"] == pytest.approx(30.0, abs=0.1)
+    seconds, log = [], drive(10, 10)[0]
+    imu = with_imu(log, (log.imu.t_s < 40) | (log.imu.t_s > 50.05))
+    monkeypatch.setattr(Upright, "step", lambda self, force, dt: seconds.append(dt))
+    replay(imu, Options())
+    assert max(seconds) < 1.5  # the second in which block 2 finds down anew, not the ten of the gap
 
 
 def test_each_start_has_its_summary(capsys, monkeypatch):

@@ -1230,12 +1230,14 @@ static number device_vehicle(Device *d, number speed, number yaw_rate, number dt
   return most(d->squares[0], square);
 }
 
-static void device_orient(Device *d, bool moving, bool rests, number course, number speed,
-                          number dt) {
+static void device_orient(Device *d, wide t_s, bool moving, bool rests, number course,
+                          number speed, number dt) {
   Attitude *block = &d->attitude;
   if (!d->has_attitude) return;
   number force[3], heading = NONE, sigma = NONE, ax, ay, count = R(d->samples);
   bool driving = moving && speed >= OPTIONS_MIN_SPEED && known(course);
+  number between = d->apart + dt;
+  d->apart = d->samples || device_without_imu(d, t_s) ? 0 : between;
   if (!moving) {
     mounting_interrupt(&d->mounting);
   } else if (d->samples) {
@@ -1246,12 +1248,12 @@ static void device_orient(Device *d, bool moving, bool rests, number course, num
       EACH(k, 3) up[k] = -GRAVITY * block->tilt.x[k];
       upright_start(&d->upright, up);
     }
-    if (driving) upright_step(&d->upright, force, dt);
+    if (driving) upright_step(&d->upright, force, between);
     number down[3], rate = attitude_yaw_rate(block);
     opposite(down, d->upright.mean);
     level(force, down, &ax, &ay); // Upright.level
     if (OPTIONS_MOUNTING &&
-        mounting_step(&d->mounting, dt, course, speed, rate, ax, ay, variance))
+        mounting_step(&d->mounting, between, course, speed, rate, ax, ay, variance))
       block->heading_known = false;
   }
   zero(d->sum);
@@ -1397,7 +1399,7 @@ Row device_gnss(Device *d, const Epoch *given) {
   if (!known(told) && car && !car_creeps(car)) told = CONSTRAINED_CREEP;
   bool rests = device_rests(d, told);
   bool moving = !(rests && OPTIONS_STATIC);
-  device_orient(d, moving, rests, course, speed, R(apart));
+  device_orient(d, e->t_s, moving, rests, course, speed, R(apart));
   wide silent = d->has_attitude ? apart : e->t_s - d->t_fix;
   if (moving || !OPTIONS_LOW_PASS || silent > (wide)LOW_PASS_GAP_S) low_pass_reset(&d->low_pass);
   if (accepted) {

@@ -141,7 +141,7 @@ typedef struct {
   MountingYaw mounting;
   Fusion fusion;
   Constrained *constrained;
-  number ned[3], speed, pace, lasting, squares[2], unaided, sum[5];
+  number ned[3], speed, pace, lasting, apart, squares[2], unaided, sum[5];
   wide t_imu, t_fusion, t_epoch, t_fix, shift;
   Fix left, fixes[DEVICE_HELD]; // of the last seconds at 10 Hz; of more, the oldest go
   int first, held, samples;

@@ -157,6 +157,7 @@ class Device:
         self._rested, self._left = False, None
         self._speed, self._squares, self._pace = math.nan, (None, None), 0.0
         self._sum = [0.0] * 7  # horizontal and whole acceleration, its square, samples
+        self._apart = 0.0  # s from the last epoch that had samples to the one before this
 
     @property
     def bridges(self):
@@ -340,6 +341,8 @@ class Device:
             return
         sums, count = self._sum[:6], self._sum[6]
         self._sum = [0.0] * 7
+        between = self._apart + dt  # a fast receiver has epochs without a sample
+        self._apart = 0.0 if count or self._without_imu(t_s) else between
         driving = moving and speed >= self.options.min_speed and course == course
         if not moving:
             self.mounting.interrupt()
@@ -350,9 +353,9 @@ class Device:
             if not self.upright.known:
                 self.upright.start([-STANDARD_GRAVITY * d for d in block.down])
             if driving:
-                self.upright.step(force, dt)
+                self.upright.step(force, between)
             x, y = self.upright.level(force)
-            epoch = t_s, dt, course, speed, block.yaw_rate, x, y, variance, (ax, ay)
+            epoch = t_s, between, course, speed, block.yaw_rate, x, y, variance, (ax, ay)
             if self.options.mounting and self.mounting.step(*epoch):
                 block.heading_known = False  # the next heading starts the yaw anew
         heading = sigma = None
@@ -378,9 +381,9 @@ class Device:
         """Run block 6, and choose what is put out."""
         rest = self.low_pass.position
         block = self.fusion
+        sigma_p, sigma_v, velocity = self._quality(epoch, fix is not None, moving)
         if block is None or not (block.started or fix):
             if fix:
-                sigma_p = self._quality(epoch, True, moving)[0]
                 self._lasting = sigma_p * sigma_p
             if layer:
                 self.ned = rest
@@ -389,7 +392,6 @@ class Device:
             elif moving:
                 self._coast(epoch.t_s - self._t_fix)
             return
-        sigma_p, sigma_v, velocity = self._quality(epoch, fix is not None, moving)
         if fix and self.last.jumped and block.started and self._contradicted(fix, sigma_p):
             block.started = False
             if self.constrained:

@@ -3,10 +3,11 @@
 import compiled
 import numpy as np
 import pytest
-from broken_events import BROKEN, play, record
+from broken_events import BROKEN, drive, play, record
 from test_device import COLD, FOR_CARS, LOGS, UNTIL_S, compare, simulated
 
 from analysis import store
+from analysis.tracker import Stored
 from analysis.tracker.device import BLOCKS
 
 METRES = 111_000.0  # in a degree
@@ -99,6 +100,19 @@ def test_a_restart_takes_the_stored_position(tmp_path):
     here = list(play(given, events))
     assert sum(len(event) == 1 for event in events) >= 2
     compare(here, compiled.feed(tmp_path, given, events, real="double")[0])
+
+
+@pytest.mark.parametrize(
+    ("settings", "stored"),
+    [({"outages": [(95, 125)]}, None), ({}, (10.0, 9.0)), ({"imu_hz": 2, "gnss_hz": 10}, None)],
+    ids=["brakes in an outage", "stored far away", "a slow IMU"],
+)
+def test_c_drives_as_the_replay_does(tmp_path, settings, stored):
+    """cross-check: in double, with the filter for cars."""
+    seen = record(drive(**settings)[0], stored and Stored(*stored, 0.0, 0.0, 2.0), filter="car")
+    found, _ = compiled.feed(tmp_path, seen.given, seen.events, real="double", filter="car")
+    assert len(found) == len(seen.rows) >= 150
+    compare(seen.rows, found)
 
 
 @pytest.mark.parametrize("name", LOGS)
