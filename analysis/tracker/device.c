@@ -1346,16 +1346,16 @@ static void device_fuse(Device *d, const Epoch *e, const number *fix, bool movin
   Fusion *block = &d->fusion;
   number sigma_p, sigma_v, at[2];
   const number *velocity = device_quality(d, e, fix, moving, &sigma_p, &sigma_v, at) ? at : NULL;
+  if (fix && d->last.jumped && block->started && device_contradicted(d, fix, sigma_p)) {
+    block->started = false;
+    if (d->constrained) d->constrained->started = false;
+  }
+  if (fix) d->lasting = sigma_p * sigma_p;
   if (!d->fuses || !(block->started || fix)) {
-    if (fix) d->lasting = sigma_p * sigma_p;
     if (layer) device_put_out(d, rest);
     else if (fix) device_put_out(d, fix);
     else if (moving) device_coast(d, e->t_s - d->t_fix);
     return;
-  }
-  if (fix && d->last.jumped && block->started && device_contradicted(d, fix, sigma_p)) {
-    block->started = false;
-    if (d->constrained) d->constrained->started = false;
   }
   if (!block->started) {
     fusion_start(block, fix, at, sigma_p, 1);
@@ -1366,7 +1366,6 @@ static void device_fuse(Device *d, const Epoch *e, const number *fix, bool movin
     if (layer) fusion_update(block, rest, none, OPTIONS_SIGMA_REST_M, sigma_v);
     else if (fix || velocity) fusion_update(block, fix, velocity, sigma_p, sigma_v);
   }
-  if (fix) d->lasting = sigma_p * sigma_p;
   if (moving) sigma_v = most(sigma_v, root(d->last.slip));
   const Constrained *car = device_constrain(d, fix, velocity, sigma_p, sigma_v);
   bool bridged = e->t_s - d->t_fix <= (wide)OPTIONS_BRIDGE_S;

@@ -159,13 +159,6 @@ class Device:
         self._sum = [0.0] * 7  # horizontal and whole acceleration, its square, samples
         self._apart = 0.0  # s from the last epoch that had samples to the one before this
 
-    @property
-    def bridges(self):
-        """Which of `FILTERS` carries the position through outages: as asked, if its inputs are."""
-        if self.constrained or self.fusion:
-            return "car" if self.constrained else "block6"
-        return "none" if self.options.filter == "none" else "constant-velocity"
-
     def imu(self, t_s, gyro_b, accel_b):
         """Take in one IMU sample (s, rad/s, m/s^2; sequences of three scalars).
 
@@ -382,9 +375,14 @@ class Device:
         rest = self.low_pass.position
         block = self.fusion
         sigma_p, sigma_v, velocity = self._quality(epoch, fix is not None, moving)
+        filters = block and block.started
+        if fix and self.last.jumped and filters and self._contradicted(fix, sigma_p):
+            block.started = False
+            if self.constrained:
+                self.constrained.started = False
+        if fix:
+            self._lasting = sigma_p * sigma_p
         if block is None or not (block.started or fix):
-            if fix:
-                self._lasting = sigma_p * sigma_p
             if layer:
                 self.ned = rest
             elif fix:
@@ -392,10 +390,6 @@ class Device:
             elif moving:
                 self._coast(epoch.t_s - self._t_fix)
             return
-        if fix and self.last.jumped and block.started and self._contradicted(fix, sigma_p):
-            block.started = False
-            if self.constrained:
-                self.constrained.started = False
         if not block.started:
             block.start(fix, (velocity or (0.0, 0.0)) + (0.0,), sigma_p, 1.0)
             self._t_fusion = epoch.t_s
@@ -405,8 +399,6 @@ class Device:
                 block.update(rest, (0.0, 0.0), self.options.sigma_rest_m, sigma_v)
             elif fix or velocity:
                 block.update(fix, velocity, sigma_p, sigma_v)
-        if fix:
-            self._lasting = sigma_p * sigma_p
         if moving:
             sigma_v = max(sigma_v, math.sqrt(self.last.slip))
         car = self._constrain(fix, velocity, sigma_p, sigma_v)

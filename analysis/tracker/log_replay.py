@@ -133,9 +133,16 @@ def replay(
     units = {k: f"{k}_deg" for k in turned_by} | {"ax": "ax_m_s2", "ay": "ay_m_s2"}
     summary = _summary(timeline, options, columns, devices)
     sideways = [moves.sideways.value, moves.sideways.low, moves.sideways.high]
-    how = {"used": device.bridges, "motion": moves.kind, "smoothed": smooth, "sideways": sideways}
+    how = {"used": bridges(device), "motion": moves.kind, "smoothed": smooth, "sideways": sideways}
     summary |= {"filter": how, "lever_m": [*lever]}
     return Track(columns, summary, device.last.snapshot, remarks, table.rename(columns=units))
+
+
+def bridges(device):
+    """Tell which of `FILTERS` carries the position through outages: as asked, if its inputs are."""
+    if device.constrained or device.fusion:
+        return "car" if device.constrained else "block6"
+    return "none" if device.options.filter == "none" else "constant-velocity"
 
 
 def _look_back(marks):
