@@ -263,7 +263,7 @@ def test_what_a_sample_tells_each_block():
     cases = product(*[both] * 5, (1.5, 1.625), (1.5, 1.625))
     for quiet, slow, moving, ready, creeps, dt, silent in cases:
         level = {"ready": ready, "last": last, "horizontal": (0.3, 0.4)}
-        car = {"may_rest": creeps}
+        car = {"may_rest.return_value": creeps}
         device = stand_ins(
             Options(), attitude=level, static={"moving": moving, "accelerate.return_value": moving},
             rest={"sample.return_value": quiet, "steady": quiet, "force": "f", "rate": "r"},
@@ -299,10 +299,11 @@ def test_in_an_outage_the_speed_of_the_car_forbids_rest():
     """known case: above 2 m/s block 3 is told so, unless a receiver gives a speed."""
     for slow, speed, told in ((1, math.nan, math.nan), (0, math.nan, 2.0), (0, 0.3, 0.3)):
         device = stand_ins(
-            Options(), constrained={"started": True, "creeps": slow, "C_nb": np.eye(3).tolist()},
+            Options(), constrained={"started": True, "C_nb": np.eye(3).tolist()},
             attitude={}, last={"step.return_value": True}, frame={"degrees.return_value": (0, 0)},
             _rests={"return_value": False}, _by_fixes={}, _orient={}, _fuse={}, _ellipse={},
         )  # fmt: skip
+        device.constrained.may_rest = lambda pull, slow=slow: slow and pull == math.inf
         device._t_imu, device.gives_speed, device.ned = 99.5, True, None
         device.gnss(Epoch(100.0, (45.0, 9.0, 0.0), 2.0, speed, 0.5, 3.0, 8.0))
         assert device._rests.call_args.args == pytest.approx((told,), nan_ok=True)

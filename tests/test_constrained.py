@@ -170,10 +170,10 @@ def test_what_it_starts_with():
     np.testing.assert_allclose(block.C_vb, Rotation.from_euler("Z", 0.5).as_matrix())
     for speed in (0.99, 1.01):
         block.velocity = [1.2 * speed, 1.6 * speed, 9.0]
-        assert block.creeps == (speed < 1)
         for pull in (0.99, 1.01):
             block._pull = [0.24 * pull, -0.32 * pull, 9.0]
-            assert block.may_rest == (speed < 1 and pull < 1)
+            assert block.may_rest() == (speed < 1 and pull < 1)
+            assert block.may_rest(math.inf) == (speed < 1)
     assert np.hypot(STANDARD_GRAVITY * constrained.START[0], constrained.START[3]) == pytest.approx(
         constrained.PULL, abs=0.005
     )

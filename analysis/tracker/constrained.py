@@ -166,17 +166,11 @@ class Constrained:
         """Where the antenna is: north, east, m."""
         return self.position
 
-    @property
-    def creeps(self):
-        """Whether it is so slow that it may have come to rest."""
-        v = self.velocity
-        return v[0] * v[0] + v[1] * v[1] < CREEP * CREEP
-
-    @property
-    def may_rest(self):
-        """Whether quiet readings are those of a rest: it creeps, and does not brake."""
-        north, east, _ = self._pull
-        return self.creeps and north * north + east * east < PULL * PULL
+    def may_rest(self, pull=PULL):
+        """Tell whether quiet readings are those of a rest: slow, and not pulled by more (m/s^2)."""
+        v, a = self.velocity, self._pull
+        slow = v[0] * v[0] + v[1] * v[1] < CREEP * CREEP
+        return slow and a[0] * a[0] + a[1] * a[1] < pull * pull
 
     def _transition(self):
         """Give the rows of F, how errors are carried over the samples since the last step.

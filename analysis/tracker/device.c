@@ -1028,12 +1028,9 @@ static void car_reach(Constrained *b, number later) {
   b->later = later;
 }
 
-static bool car_creeps(const Constrained *b) {
-  return SQUARE(b->velocity[0]) + SQUARE(b->velocity[1]) < SQUARE(CONSTRAINED_CREEP);
-}
-
-static bool car_may_rest(const Constrained *b) {
-  return car_creeps(b) && SQUARE(b->pull[0]) + SQUARE(b->pull[1]) < SQUARE(CONSTRAINED_PULL);
+static bool car_may_rest(const Constrained *b, number pull) {
+  bool slow = SQUARE(b->velocity[0]) + SQUARE(b->velocity[1]) < SQUARE(CONSTRAINED_CREEP);
+  return slow && SQUARE(b->pull[0]) + SQUARE(b->pull[1]) < SQUARE(pull);
 }
 
 static void car_sample(Constrained *b, const number gyro[3], const number accel[3], number dt,
@@ -1181,8 +1178,9 @@ void device_imu(Device *d, wide t_s, const number gyro_b[3], const number accel_
   d->samples++;
   if (d->fuses && d->fusion.started) device_predict(d, t_s);
   if (car && car->started) {
-    bool lost = t_s - d->t_fix > (wide)DEVICE_GAP_S, steady = d->rest.steady;
-    car_sample(car, mean, accel_b, dt, (lost && steady && car_may_rest(car)) || !d->still.moving);
+    bool lost = t_s - d->t_fix > (wide)DEVICE_GAP_S;
+    bool rests = lost && d->rest.steady && car_may_rest(car, CONSTRAINED_PULL);
+    car_sample(car, mean, accel_b, dt, rests || !d->still.moving);
   }
 }
 
@@ -1395,7 +1393,7 @@ Row device_gnss(Device *d, const Epoch *given) {
   number by_fixes = device_by_fixes(d, e->t_s, fix, speed, course);
   number told = d->gives_speed ? speed : by_fixes;
   const Constrained *car = car_of(d);
-  if (!known(told) && car && !car_creeps(car)) told = CONSTRAINED_CREEP;
+  if (!known(told) && car && !car_may_rest(car, R(INFINITY))) told = CONSTRAINED_CREEP;
   bool rests = device_rests(d, told);
   bool moving = !(rests && OPTIONS_STATIC);
   device_orient(d, e->t_s, moving, rests, course, speed, R(apart));

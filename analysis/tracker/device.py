@@ -200,7 +200,7 @@ class Device:
             self._predict(t_s)
         if car and car.started:
             lost = t_s - self._t_fix > GAP_S  # block 3 keeps the last speed, the car has its own
-            still = lost and self.static.quiet and car.may_rest
+            still = lost and self.static.quiet and car.may_rest()
             mean = [0.5 * (w + v) for w, v in zip(gyro_b, last)]
             car.sample(mean, accel_b, dt, still or not self.static.moving)
 
@@ -234,7 +234,7 @@ class Device:
             self.static.no_imu()
         by_fixes = self._by_fixes(epoch.t_s, fix, speed, course)
         told, car = speed if self.gives_speed else by_fixes, self.constrained
-        if told != told and car and car.started and not car.creeps:
+        if told != told and car and car.started and not car.may_rest(math.inf):
             told = CREEP  # or more: to the IMU alone steady motion in an outage looks like rest
         rests = self._rests(told)
         moving = not (rests and self.options.static)
