@@ -14,7 +14,7 @@ from analysis.noise.disturbances import Disturbance
 from analysis.noise.fit import MODELS, Fit, NoiseLikelihood, choose
 from analysis.noise.inference import Inference
 from analysis.noise.likelihood import Terms, evaluate
-from analysis.noise.models import FLICKER, UnifiedModel, adev_model
+from analysis.noise.models import FLICKER, UnifiedModel
 from analysis.noise.notes import said
 from analysis.noise.over_models import Floor, envelope
 
@@ -267,19 +267,6 @@ def test_a_floor_does_not_jump_where_another_turn_appears():
     for model, sizes in {"N+GM": [0.03, 1.0, 3.0], "N+K": [1e-9, 1.0]}.items():
         all_the_way = SimpleNamespace(point=np.log(sizes), names=MODELS[model])
         assert not Floor(likelihood, all_the_way).reached
-
-
-@pytest.mark.parametrize(("time", "lower"), [(50.0, True), (70.0, False)])
-def test_no_floor_is_looked_for_beyond_a_hump(time, lower):
-    """analytic: a Gauss-Markov bias has its hump at 1.89 T_c; then its curve falls, to below the
-    floor before the hump or nearly so.
-    """
-    likelihood = NoiseLikelihood.of_log(np.random.default_rng(1).normal(size=9999), 1.0)
-    fit = SimpleNamespace(point=np.log([1.0, 0.3, time]), names=MODELS["N+GM"])
-    floor = Floor(likelihood, fit)
-    end = adev_model(999.9, arw=1.0, sigma_b=0.3 * np.sqrt(time / 2), corr_time=time)
-    assert 0.75 < end / (FLICKER * floor.value) < 1.25 and (end < FLICKER * floor.value) == lower
-    assert floor.tau[-1] == pytest.approx(1.89 * time, rel=0.1)  # of the grid, and white noise
 
 
 @pytest.mark.parametrize(("octave", "factor", "beyond"), [

@@ -101,14 +101,13 @@ class Floor:
         ends = MEANS * likelihood.step, likelihood.duration / PART
         self.tau = np.geomspace(*ends, POINTS) if ends[0] < ends[1] else np.array(ends[1:])
         # Where it is looked for stays: the lowest turn itself would jump where another one appears.
-        # What lies beyond a hump is left out: there the curve falls again, to below the floor in
-        # the fit or in what is tried beside it.
+        # What the curve of the fit has lower beyond a hump is left out.
         (curve,) = self._curves(fit.point[None])
         at = lowest(curve[None])[0]
         lower = np.flatnonzero(curve < curve[at])
         first, last = lower[lower < at].max(initial=-1) + 1, lower[lower > at].min(initial=POINTS)
         first += curve[first:at].argmax() if first else 0
-        last = at + curve[at:last].argmax()
+        last = at + curve[at:last].argmax() if last < POINTS else last
         self.tau = self.tau[first : last + 1]
         (self.at,), (variance,) = self._lowest(fit.point[None])
         self.value = float(np.sqrt(variance) / FLICKER)
