@@ -120,33 +120,30 @@ def path(name: str) -> Path:
     """
     wanted = dataset(name)
     folder, _, rest = name.partition("/")
-    places = (
-        Path(os.environ.get(FOLDER_VARIABLE) or DOWNLOADED, name),
-        COMMITTED.get(folder, DOWNLOADED / folder) / rest,
-        DOWNLOADED / name,
-    )
-    for place in places:
-        if place.is_file():
-            if not wanted.sha256:
-                first = _first_use(name)
-                with contextlib.suppress(OSError):  # a tree that may not be written
-                    first.parent.mkdir(parents=True, exist_ok=True)
-                    first.write_text(sha256(place), encoding="utf-8")
-            elif sha256(place) != wanted.sha256:
-                known = f"registered file (its sha256 or its size of {wanted.bytes} bytes differs)"
-                other = ""
-                if not wanted.bytes:
-                    known = "file of its first use (its sha256 differs)"
-                    other = f", or data/downloaded/{name}.sha256 if the first was wrong,"
-                raise CannotAnswer(
-                    f"{name} is there but is not the {known}: delete that copy{other} and run "
-                    f"`python -m analysis data {name}`"
-                )
-            return place
-    raise NotHere(
-        f"the log file {name} is not on this machine: {_by_hand(wanted)}, or run "
-        f"`python -m analysis data {name}` with internet"
-    )
+    given = Path(os.environ.get(FOLDER_VARIABLE) or DOWNLOADED, name)
+    committed = COMMITTED.get(folder, DOWNLOADED / folder) / rest
+    place = next((p for p in (given, committed, DOWNLOADED / name) if p.is_file()), None)
+    if place is None:
+        raise NotHere(
+            f"the log file {name} is not on this machine: {_by_hand(wanted)}, or run "
+            f"`python -m analysis data {name}` with internet"
+        )
+    if not wanted.sha256:
+        first = _first_use(name)
+        with contextlib.suppress(OSError):  # a tree that may not be written
+            first.parent.mkdir(parents=True, exist_ok=True)
+            first.write_text(sha256(place), encoding="utf-8")
+    elif sha256(place) != wanted.sha256:
+        known = f"registered file (its sha256 or its size of {wanted.bytes} bytes differs)"
+        other = ""
+        if not wanted.bytes:
+            known = "file of its first use (its sha256 differs)"
+            other = f", or data/downloaded/{name}.sha256 if the first was wrong,"
+        raise CannotAnswer(
+            f"{name} is there but is not the {known}: delete that copy{other} and run "
+            f"`python -m analysis data {name}`"
+        )
+    return place
 
 
 def available(name: str) -> bool:

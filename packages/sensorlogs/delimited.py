@@ -69,12 +69,9 @@ def sniff(path: Path) -> Layout:
         before = [i for i in rows[at - 1 : at] if _is_header(fields[i], decimal)]  # or names follow
         rows = before + rows[at + 1 :]
     rows = rows[_titles([fields[i] for i in rows], decimal) :]
-    first = header_lines = rows[0]
-    head_row = None
+    first, head_row = rows[0], None
     if _is_header(fields[first], decimal):
-        head_row, header_lines = fields[first], first + 1
-        rows = rows[1:]
-        header_lines = rows[0] if rows else header_lines
+        head_row, last, rows = fields[first], first, rows[1:]
         cells = [f for f in fields[rows[0]] if f.strip() not in ("", "-")] if rows else []
         if 2 * len(cells) > len(head_row) and all(_is_word(f, decimal) for f in cells):  # units
             units = [re.sub(r"[][()]", "", u).strip() for u in fields[rows[0]]]
@@ -82,9 +79,9 @@ def sniff(path: Path) -> Layout:
                 units = []  # which name has none, blanks do not tell
             units += [""] * len(head_row)
             head_row = [f"{n} ({u})" if u else n for n, u in zip(head_row, units, strict=False)]
-            header_lines, rows = rows[0] + 1, rows[1:]
+            last, rows = rows[0], rows[1:]
         if not rows:
-            raise CannotAnswer(f"{path.name}: no data after line {header_lines}, the header")
+            raise CannotAnswer(f"{path.name}: no data after line {last + 1}, the header")
     else:
         above = [i for i in comments if i < first]
         if above:  # numpy.savetxt and EuRoC put the names into a comment
@@ -105,7 +102,7 @@ def sniff(path: Path) -> Layout:
     names = unique_names([*named, *[""] * (width - len(named))])
     data = [fields[i] for i in rows]
     text = frozenset(name for j, name in enumerate(names) if _is_text(data, j, decimal))
-    return Layout(delimiter, decimal, encoding, header_lines, names, text)
+    return Layout(delimiter, decimal, encoding, rows[0], names, text)
 
 
 def data_lines(path: Path, layout: Layout, comments: bool = False) -> Iterator[tuple[int, str]]:
@@ -250,6 +247,7 @@ class Table:
     Attributes
     ----------
     frame : pandas.DataFrame
+        Its index is the number of each row in the file, from 0.
     path : Path
     repairs : tuple of str
         One sentence for everything that was repaired.
@@ -257,8 +255,6 @@ class Table:
         Of a delimited file.
     lines : ndarray or None
         Line of each row of the file, where the format knows it.
-    rows : ndarray or None
-        Row in the file of each row of ``frame``, if some were left out.
     stamps : times.Stamps or None
         If the reader knows the time itself.
     """
@@ -268,7 +264,6 @@ class Table:
     repairs: tuple[str, ...] = ()
     layout: Layout | None = None
     lines: np.ndarray | None = None
-    rows: np.ndarray | None = None
     stamps: Any = None
 
     @property
@@ -278,7 +273,7 @@ class Table:
 
     def where(self, row: int) -> str:
         """Name the line of a row of ``frame``, or its number where there are no lines."""
-        row = int(row if self.rows is None else self.rows[row])
+        row = int(self.frame.index[row])
         if self.lines is not None:
             return f"line {self.lines[row]}"
         if self.layout is not None:
@@ -340,9 +335,8 @@ def read_table(path: Path) -> Table:
         frame = frame.iloc[: len(frame) - is_cut]
     except (ValueError, OverflowError, pd.errors.ParserWarning):  # parser, decoder: ValueErrors
         frame = _line_by_line(path, layout, is_cut)
-    table = Table(frame, path, layout=layout)
-    if is_cut:
-        table = replace(table, repairs=(f"{table.where(len(frame))}: {CUT_OFF}",))
+    cut = (f"line {max(data_lines(path, layout))[0]}: {CUT_OFF}",) if is_cut else ()
+    table = Table(frame, path, cut, layout)
     return _without_empty_end(_without_short_rows(table, layout), layout)
 
 

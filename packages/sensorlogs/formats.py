@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from sensorlogs import CannotAnswer, WrongUsage, archives, columns, counted, delimited, nmea, times
 from sensorlogs.delimited import Table
-from sensorlogs.integrity import DATAFLASH, HDF5, MAT5, PARQUET, ULOG, reading
+from sensorlogs.integrity import reading
 from sensorlogs.names import NAMES
 from sensorlogs.tables import Part, choose, not_read, of_arrays, of_table, of_text, side_by_side
 
@@ -155,32 +155,10 @@ class Format:
         return getattr(importlib.import_module(f"sensorlogs.{module}"), name)(path)
 
 
+_BUILT = {"nmea": nmea.SENTENCE, "serial": _SERIAL}  # from what their readers look for
 FORMATS: dict[str, Format] = {  # the first that tells
-    "parquet": Format("Parquet", PARQUET, "matrices.parquet", "pyarrow"),
-    "mat5": Format("MATLAB v5 to v7", MAT5, "matrices.mat5"),
-    "mat73": Format("MATLAB v7.3 or HDF5", HDF5, "matrices.hdf5"),
-    "numpy": Format("NumPy", rb"\A\x93NUMPY|\APK (\S+\.npy\n)+\Z", "matrices.numpy_file"),
-    "spreadsheet": Format(
-        "a spreadsheet (xlsx, xls, ods)",
-        rb"\A\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1|\APK (.*\n)*(xl/workbook\.|content\.xml\n)",
-        "archives.spreadsheet",
-        "python_calamine",
-    ),
-    "rda": Format("R data", rb"\A(RDX[23]\n|BZh|\xfd7zXZ)", "matrices.rda"),
-    "bag": Format(
-        "a ROS bag", rb"\A(#ROSBAG V|\x89MCAP|SQLite format 3)", "robot_logs.ros_bag", "rosbags"
-    ),
-    "ulog": Format("a PX4 ULog", ULOG, "robot_logs.ulog", "pyulog"),
-    "dataflash": Format(
-        "an ArduPilot DataFlash log", DATAFLASH, "robot_logs.dataflash", "pymavlink"
-    ),
-    "nmea": Format("NMEA", nmea.SENTENCE, "nmea.parts"),
-    "ubx": Format("u-blox UBX", rb"\xb5\x62[\x01-\x29]", "robot_logs.ubx", "pyubx2"),
-    "gpx": Format("GPX", rb"<gpx[\s>]", "formats.gpx"),
-    "json": Format("JSON lines", rb"\A\s*(\[\s*)?\{\s*\"", "matrices.json_lines"),
-    "xsens": Format("Xsens text", rb"\A(//[^\n]*\n)+PacketCounter", "formats.xsens"),
-    "serial": Format("lines of names and numbers", _SERIAL, "formats.serial"),
-    "csv": Format("CSV", b"", "formats.csv"),
+    name: Format(**said | {"pattern": _BUILT.get(name) or said["pattern"].encode()})
+    for name, said in NAMES["formats"].items()
 }
 
 
@@ -288,13 +266,12 @@ def contents(
         rows = len(table.frame)
         told = columns.described(columns.sample(table.frame, list(table.frame)), part.told_by)
         title = f"{part.name}: {counted(rows, 'row')}"
-        with contextlib.suppress(CannotAnswer, WrongUsage):
+        with contextlib.suppress(CannotAnswer, WrongUsage, times.BadStamps):
             since = times.of_table(table)[1].since_s
             since = since[np.isfinite(since)]
             title += f", {np.ptp(since):.6g} s" if np.ptp(since) > 0 else ""
-            with contextlib.suppress(times.BadStamps):
-                rate = times.by_stamps(since, np.zeros(len(since), dtype=bool)).rate_hz
-                title += f", {rate:.6g} Hz"
+            rate = times.by_stamps(since, np.zeros(len(since), dtype=bool)).rate_hz
+            title += f", {rate:.6g} Hz"
         listing.append((title, told))
     return listing, errors
 

@@ -18,13 +18,8 @@ from typing import Any
 
 from sensorlogs import CannotAnswer, WrongUsage
 from sensorlogs.delimited import printable
+from sensorlogs.names import NAMES
 
-# How a file begins, for `formats` too.
-ULOG = rb"\AULog\x01\x12\x35"
-DATAFLASH = rb"\xa3\x95\x80\x80\x59FMT\x00"
-PARQUET = rb"\APAR1"
-MAT5 = rb"\AMATLAB 5\.0"
-HDF5 = rb"(?s)\A(.{512}|.{1024})?\x89HDF\r\n\x1a\n"
 INTACT = "intact as far as its lengths and checksums tell"
 BLOCK = 1 << 20
 
@@ -191,17 +186,21 @@ def _number(raw, at: int, size: int) -> int:
     return int.from_bytes(raw[at : at + size], "little")
 
 
+def _begins(name: str) -> bytes:
+    return NAMES["formats"][name]["pattern"].encode()
+
+
 # How a file begins -> what finds the byte at which it is not whole.
 _CHECKS: dict[bytes, Callable[[Any, Path], int | None]] = {
-    ULOG: _ulog,
-    DATAFLASH: _dataflash,
+    _begins("ulog"): _ulog,
+    _begins("dataflash"): _dataflash,
     rb"\A#ROSBAG V": _bag1,
     rb"\A\x89MCAP": _mcap,
     rb"\ASQLite format 3": _sqlite,
     rb"\APK\x03\x04": _zip,
-    PARQUET: _parquet,
-    MAT5: _mat5,
-    HDF5: _hdf5,
+    _begins("parquet"): _parquet,
+    _begins("mat5"): _mat5,
+    _begins("mat73"): _hdf5,
     rb"\A\x1f\x8b": lambda raw, path: _stream(zlib.decompressobj(31), raw),
     rb"\ABZh": lambda raw, path: _stream(bz2.BZ2Decompressor(), raw),
     rb"\A\xfd7zXZ": lambda raw, path: _stream(lzma.LZMADecompressor(), raw),

@@ -168,7 +168,7 @@ def read_table(path: Path) -> Table:
     notes += [both] * bool(joined)
     newlines = np.flatnonzero(np.frombuffer(raw, dtype=np.uint8) == ord("\n"))
     lines = np.searchsorted(newlines, found["offset"]) + 1
-    place = Table(found, path, lines=lines).place
+    place = Table(found.reset_index(drop=True), path, lines=lines).place
     t, which = _host_time(raw, found, notes, path.name)
     if t is None:
         t, again = _receiver_time(found, place, notes)

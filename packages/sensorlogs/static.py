@@ -233,8 +233,7 @@ def _of_sensor(table: Table, wanted: Sequence[str | int]) -> Table:
     if not MISSING_ALLOWED < empty.mean() < 1:
         return table
     said = f"{counted(empty.sum(), 'row')} without any of the chosen columns left out"
-    repairs = (*table.repairs, said)
-    return replace(table, frame=table.frame[~empty], rows=np.flatnonzero(~empty), repairs=repairs)
+    return replace(table, frame=table.frame[~empty], repairs=(*table.repairs, said))
 
 
 def _placed(table, option):
@@ -276,8 +275,7 @@ def _placed(table, option):
             lasts = f"the log lasts {np.nanmax(at):.6g} s"
             raise WrongUsage(f"{file}: no row from {start:g} s to {stop:g} s; {lasts}")
         frame, at = frame.iloc[inside], at[inside]
-        at_rows = np.flatnonzero(inside) if table.rows is None else table.rows[inside]
-        table = replace(table, frame=frame, rows=at_rows)
+        table = replace(table, frame=frame)
     texts = [n for n in frame if n != time and frame[n].dtype.kind != "f"]
     if not stamped:
         for name in texts:
