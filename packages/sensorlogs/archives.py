@@ -38,18 +38,6 @@ def _folder() -> tempfile.TemporaryDirectory:
     return tempfile.TemporaryDirectory(prefix="logs-")
 
 
-def once(unpack: Callable[[Path], Path], path: Path) -> Path:
-    """Unpack a file that was not yet, or has changed since then."""
-    stat = path.stat()
-    return _unpacked(unpack, path, stat.st_size, stat.st_mtime_ns)
-
-
-@functools.cache
-def _unpacked(unpack, path: Path, size: int, mtime_ns: int) -> Path:
-    """Unpack a file once per (path, size, time of change) in this process."""
-    return unpack(path)
-
-
 def unstamped(path: Path) -> Path:
     """Separate the clock time that a serial monitor (Arduino, PlatformIO) writes from the cells."""
     target = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name

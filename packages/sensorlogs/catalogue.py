@@ -13,13 +13,9 @@ from sensorlogs.formats import FORMATS
 CATALOGUE = DATA / "logs.toml"
 OWN = DATA / "own" / "logs.toml"
 _TEXT = "title note licence source file format table timing unit kind scale time_unit"
-KEYS: dict[str, type | tuple[type, ...]] = {  # of a stanza, with the type of the value
-    **dict.fromkeys(_TEXT.split(), str),
-    **dict.fromkeys(("rate_hz", "from", "to"), Real),
-    **dict.fromkeys(("names", "channels"), list),
-    "time": (str, Integral),
-    "rows": int,
-}
+# Of a stanza, with the type of the value.
+KEYS: dict = dict.fromkeys(_TEXT.split(), str) | dict.fromkeys(("rate_hz", "from", "to"), Real)
+KEYS |= dict.fromkeys(("names", "channels"), list) | {"time": (str, Integral), "rows": int}
 OF_CHANNEL: dict = {"column": (str, int)} | dict.fromkeys(("name", "unit", "kind", "scale"), str)
 
 
@@ -100,9 +96,8 @@ def _check_file(path: Path, missing: str) -> Path:
     if (name := path.name.encode(errors="replace")) != os.fsencode(path.name):
         raise WrongUsage(f"{name.decode()}: this name is not UTF-8; give the file another one")
     if not (path.is_file() or path.is_dir()):
-        is_there = path.exists() or path.is_symlink()
         what = f"{path.name} is a pipe, a device or a link that leads nowhere: name a file"
-        raise WrongUsage(what if is_there else missing)
+        raise WrongUsage(what if path.exists() or path.is_symlink() else missing)
     if not os.access(path, os.R_OK):
         raise WrongUsage(f"{path.name} may not be read by this user; change its mode")
     return path

@@ -546,12 +546,11 @@ def _kinds(frame, file, wanted, kind, units) -> tuple[dict[str, str], dict[str, 
             raise WrongUsage(f"{file}: column '{name}' is {said}: correct the header, or --kind")
         if said:
             leave([name], said)
-    accels = [n for n, its in kinds.items() if its == "accel"]
-    free = [n for n in accels if not wanted and FREE & {*recognise(n).words}]
+    accels = [n for n, its in kinds.items() if its == "accel" and not wanted]
     sizes = {(*of,): _norm(frame, of) for of in vectors(accels).values() if len(of) == 3}
-    for of, size in {} if wanted else sizes.items():  # by its size, beside another one
-        if size < 0.3 * max(sizes.values()) and not gravity_unit(size):
-            free = list(dict.fromkeys([*free, *of]))
+    least = 0.3 * max(sizes.values(), default=0.0)  # by its size, beside another one
+    small = [n for of, size in sizes.items() if size < least and not gravity_unit(size) for n in of]
+    free = dict.fromkeys([*(n for n in accels if FREE & {*recognise(n).words}), *small])
     if len(free) < len(accels):
         leave(free, "accel with gravity taken off")
     unknown = [name for name, its in kinds.items() if not its]
@@ -621,9 +620,8 @@ def _flags(frame, found, units, scale) -> list[dict[str, str | None]]:
         mine = {c.column: split(c.column)[1] for c in found if c.kind == its}
         if not all(mine.values()):
             of_unit.setdefault(its, usual[its])
-        whole = [n for n, own in mine.items() if _counts(frame, [n], of_unit.get(its) or own)]
-        if whole and its not in of_scale:
-            of_scale[its] = _PER_COUNT[its]
+        if any(_counts(frame, [n], of_unit.get(its) or own) for n, own in mine.items()):
+            of_scale.setdefault(its, _PER_COUNT[its])
     told = {*units, *of_scale, KIND_OF_UNIT.get(bare or ""), "accel" if size else None}
     other = of_unit | {its: _OR[its] for its in of_unit.keys() & _OR if its not in told}
     suggested: list[dict[str, str | None]] = []

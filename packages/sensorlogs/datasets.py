@@ -13,9 +13,11 @@ import functools
 import hashlib
 import logging
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 from sensorlogs import CannotAnswer, WrongUsage
@@ -63,8 +65,7 @@ def registry() -> dict[str, Entry]:
     if not REGISTRY.is_file():  # the readers are used alone
         return {}
     with REGISTRY.open(newline="", encoding="utf-8") as handle:
-        rows = [Entry(**row) for row in csv.DictReader(handle)]
-    return {row.file: row for row in rows}
+        return {row["file"]: Entry(**row) for row in csv.DictReader(handle)}
 
 
 def names(pattern: str = "*") -> list[str]:
@@ -190,19 +191,29 @@ def fetch(name: str) -> Path:
     return path(name)
 
 
+def once(work: Callable[[Path], Any], file: Path) -> Any:
+    """Work on a file, such as unpack it, unless that was done and the file is as it was."""
+    stat = file.stat()
+    return _done(work, file, stat.st_size, stat.st_mtime_ns)
+
+
+@functools.cache
+def _done(work, file: Path, size: int, mtime_ns: int):
+    """Work on a file once per (path, size, time of change) in this process."""
+    return work(file)
+
+
 def sha256(file: Path) -> str:
     """Compute the sha256 of a file, or of a folder's sorted files, as hexadecimal digits."""
     if file.is_dir():
         each = (sha256(inner) for inner in sorted(file.rglob("*")) if inner.is_file())
         return hashlib.sha256("\n".join(each).encode()).hexdigest()
-    stat = file.stat()
-    return _sha256(str(file), stat.st_size, stat.st_mtime_ns)
+    return once(_sha256, file)
 
 
-@functools.lru_cache(maxsize=512)
-def _sha256(file: str, size: int, mtime_ns: int) -> str:
-    """Hash a file once per (path, size, time of change) in this process."""
-    with open(file, "rb") as handle:
+def _sha256(file: Path) -> str:
+    """Hash a file."""
+    with file.open("rb") as handle:
         return hashlib.file_digest(handle, "sha256").hexdigest()
 
 

@@ -36,7 +36,6 @@ _NEWLINE = re.compile(r"\r\n|\n|\r")
 _COMMENT = re.compile(r"\s*([#%](?!(N/A|[A-Z/0]+[!?])\s*[,;\t|])|//)")  # a line, not of #DIV/0!
 _REMARK = re.compile(r"((?<![^\s,;|])[#%]|(?<=\d)#(?=\s)).*")  # within a cell it is the cell's
 _END_OF_HEADER = re.compile(r"\*\*\*End_of_Header\*\*\*|\[data\]", re.I)  # LabVIEW, Racelogic
-_LINE_ENDS = (b"\n", b"\r", b"\x00")
 CUT_OFF = "the last line is cut off and was dropped"
 TAIL_BYTES = 1 << 13
 LABELLED = NAMES["labelled"]
@@ -107,10 +106,8 @@ def sniff(path: Path) -> Layout:
 
 def data_lines(path: Path, layout: Layout, comments: bool = False) -> Iterator[tuple[int, str]]:
     """Iterate over the data rows, or the comments among them: (line as an editor counts, text)."""
-    with (
-        open_bytes(path) as raw,
-        io.TextIOWrapper(raw, encoding=layout.encoding, errors="replace") as handle,
-    ):
+    with open_bytes(path) as raw:
+        handle = io.TextIOWrapper(raw, encoding=layout.encoding, errors="replace")
         for number, line in itertools.islice(enumerate(handle, 1), layout.header_lines, None):
             if line.strip() and bool(_COMMENT.match(line)) == comments:
                 yield number, line
@@ -170,9 +167,7 @@ def _split(line: str, delimiter: str) -> list[str]:
 
 def _delimiter(lines: list[str]) -> str:
     """Choose the delimiter that splits most lines into the same number of fields, more than one."""
-    widths = {
-        each: [len(_split(line, each)) for line in lines] for each in (";", "\t", ",", "|", " ")
-    }
+    widths = {each: [len(_split(line, each)) for line in lines] for each in ";\t,| "}
     usual = {each: min(multimode(of)) for each, of in widths.items()}
     several = (each for each in usual if usual[each] > 1)
     return max(several, key=lambda each: widths[each].count(usual[each]), default=",")  # the first
@@ -395,7 +390,7 @@ def _is_cut_off(path: Path, layout: Layout) -> bool:
     *before, last = [_split(line, layout.delimiter) for line in lines]
     if len(last) < min(len(fields) for fields in before):
         return True
-    if tail.endswith(_LINE_ENDS):
+    if tail.endswith((b"\n", b"\r", b"\x00")):
         return False
     # All last fields have as many decimals, except the very last one: it is cut off.
     decimals = [len(f[-1].strip().partition(layout.decimal)[2]) for f in (*before, last)]

@@ -10,7 +10,7 @@ import importlib.util
 import re
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from defusedxml import ElementTree
 from scipy.spatial.transform import Rotation
 
 from sensorlogs import CannotAnswer, WrongUsage, archives, columns, counted, delimited, nmea, times
+from sensorlogs.datasets import once
 from sensorlogs.delimited import Table
 from sensorlogs.integrity import reading
 from sensorlogs.names import NAMES
@@ -37,11 +38,10 @@ _SERIAL = rb"(?m)(^(?>.*?" + _PAIR + rb")(?>.*?" + _PAIR + rb").*\n){3}"  # thre
 
 def gpx(path: Path) -> list[Part]:
     """List the one table of a GPX file: its tracks in the order of their times."""
-    known = NAMES["gpx"]
 
     def point(element) -> dict[str, Any]:
         said = {each.tag.rpartition("}")[2].lower(): each.text for each in element.iter()}
-        found = {ours: said[theirs] for theirs, ours in known.items() if theirs in said}
+        found = {ours: said[theirs] for theirs, ours in NAMES["gpx"].items() if theirs in said}
         return {"lat_deg": element.get("lat"), "lon_deg": element.get("lon")} | found
 
     with reading(path, "a GPX file"):
@@ -120,54 +120,33 @@ def csv(path: Path) -> list[Part]:
     return [of_text(path.name, path)]
 
 
-@dataclass(frozen=True)
-class Format:
-    """A file format: how it is told from its content, and what lists its tables.
-
-    Attributes
-    ----------
-    title : str
-    pattern : bytes
-        What its first bytes hold, a regular expression.
-    reader : str
-        Module and function: path -> list of `Part`. It is loaded when it is needed.
-    needs : str
-        Library of the extra ``logs``, or nothing.
-    """
-
-    title: str
-    pattern: bytes
-    reader: str
-    needs: str = ""
-
-    @property
-    def is_here(self) -> bool:
-        """Tell whether its library is installed."""
-        return not self.needs or importlib.util.find_spec(self.needs) is not None
-
-    def parts(self, path: Path) -> list[Part]:
-        """List the tables of a file."""
-        if not self.is_here:
-            raise WrongUsage(
-                f"{path.name} is {self.title}: in the project's folder run: pip install '.[logs]'"
-            )
-        module, _, name = self.reader.partition(".")
-        return getattr(importlib.import_module(f"sensorlogs.{module}"), name)(path)
+FORMATS: dict[str, dict[str, str]] = NAMES["formats"]  # title, pattern, reader, library it needs
+_BUILT = {"nmea": nmea.SENTENCE, "serial": _SERIAL}  # patterns made of what their readers look for
 
 
-_BUILT = {"nmea": nmea.SENTENCE, "serial": _SERIAL}  # from what their readers look for
-FORMATS: dict[str, Format] = {  # the first that tells
-    name: Format(**said | {"pattern": _BUILT.get(name) or said["pattern"].encode()})
-    for name, said in NAMES["formats"].items()
-}
+def _is_here(known: str) -> bool:
+    """Tell whether the library that reads a format is installed."""
+    needs = FORMATS[known].get("needs")
+    return not needs or importlib.util.find_spec(needs) is not None
+
+
+def _read(path: Path, known: str) -> list[Part]:
+    """List the tables of a file of a known format, by its reader, which is loaded when needed."""
+    if not _is_here(known):
+        raise WrongUsage(
+            f"{path.name} is {FORMATS[known]['title']}: in the project's folder run: "
+            "pip install '.[logs]'"
+        )
+    module, _, name = FORMATS[known]["reader"].partition(".")
+    return getattr(importlib.import_module(f"sensorlogs.{module}"), name)(path)
 
 
 def plain(path: Path) -> Path:
     """Return the file itself, or what it holds if it is gzipped."""
     packed = delimited.content(path, 2) == b"\x1f\x8b"
-    path = archives.once(archives.gunzip, path) if packed else path
+    path = once(archives.gunzip, path) if packed else path
     monitor = len(archives.MONITOR.findall(delimited.content(path, 1 << 14))) > 3
-    return archives.once(archives.unstamped, path) if monitor else path
+    return once(archives.unstamped, path) if monitor else path
 
 
 def format_of(path: Path) -> str:
@@ -176,8 +155,9 @@ def format_of(path: Path) -> str:
     if head.startswith(b"PK\x03\x04"):
         with reading(path, "a zip file"), zipfile.ZipFile(path) as packed:
             head = b"PK " + "".join(f"{name}\n" for name in packed.namelist()).encode()
-    name = next(name for name, one in FORMATS.items() if re.search(one.pattern, head))
-    if name == "nmea" and FORMATS["ubx"].is_here:  # with binary messages, which say more
+    patterns = {name: _BUILT.get(name) or one["pattern"].encode() for name, one in FORMATS.items()}
+    name = next(name for name, pattern in patterns.items() if re.search(pattern, head))
+    if name == "nmea" and _is_here("ubx"):  # with binary messages, which say more
         from sensorlogs import robot_logs
 
         return "ubx" if robot_logs.holds_ubx(delimited.content(path)) else name
@@ -186,7 +166,7 @@ def format_of(path: Path) -> str:
 
 def title_of(path: Path) -> str:
     """Name the format of a log for a message."""
-    return "a folder" if path.is_dir() else FORMATS[format_of(plain(path))].title
+    return "a folder" if path.is_dir() else FORMATS[format_of(plain(path))]["title"]
 
 
 def parts_of(path: Path, known: str | None = None) -> list[Part]:
@@ -211,8 +191,8 @@ def _parts(path: Path, known: str | None = None) -> list[Part]:
     path = path if path.is_dir() else plain(path)
     known = "bag" if path.is_dir() else known or format_of(path)
     if known == "csv" and zipfile.is_zipfile(path):
-        return _parts(archives.once(archives.unzip, path))
-    return FORMATS[known].parts(path)
+        return _parts(once(archives.unzip, path))
+    return _read(path, known)
 
 
 def load(chosen: Sequence[Part], moving: bool = False) -> Table:
@@ -243,9 +223,7 @@ def read_table(path: Path, stanza: dict) -> Table:
     return replace(table, frame=table.frame.set_axis(names, axis=1)) if names else table
 
 
-def contents(
-    path: Path, known: str | None = None
-) -> tuple[list[tuple[str, list[tuple[str, str, str, str]]]], list[CannotAnswer | WrongUsage]]:
+def contents(path: Path, known: str | None = None) -> tuple[list[tuple[str, list]], list]:
     """List the tables of a log: a line on each, and its columns; and what could not be read.
 
     Returns
@@ -263,9 +241,8 @@ def contents(
             told = columns.described(pd.DataFrame(columns=[*part.columns], dtype=float), "its name")
             listing.append((f"{part.name}: cannot be read: {error}", told))
             continue
-        rows = len(table.frame)
         told = columns.described(columns.sample(table.frame, list(table.frame)), part.told_by)
-        title = f"{part.name}: {counted(rows, 'row')}"
+        title = f"{part.name}: {counted(len(table.frame), 'row')}"
         with contextlib.suppress(CannotAnswer, WrongUsage, times.BadStamps):
             since = times.of_table(table)[1].since_s
             since = since[np.isfinite(since)]

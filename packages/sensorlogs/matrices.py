@@ -84,9 +84,8 @@ def hdf5(path: Path) -> list[Part]:
         if not isinstance(node, h5py.Dataset) or name.startswith("#"):
             return
         if node.dtype.names:  # a table of h5py or PyTables: its fields are the columns
-            for key in node.dtype.names:
-                if node.dtype[key].kind in "fiub":
-                    groups.setdefault(name, {})[key] = node.fields(key)[()]
+            numeric = (key for key in node.dtype.names if node.dtype[key].kind in "fiub")
+            groups[name] = {key: node.fields(key)[()] for key in numeric}
         elif node.dtype.kind in "fiub" and node.attrs.get("MATLAB_class", b"") != b"char":
             groups.setdefault(group, {})[leaf] = node  # read when its table is
 
@@ -100,10 +99,8 @@ def numpy_file(path: Path) -> list[Part]:
     with reading(path, "a NumPy file", "numpy"):
         if zipfile.is_zipfile(path):
             check_zip(path)
-            with np.load(path, allow_pickle=False) as file:
-                members = {name: file[name] for name in file.files}
-        else:
-            members = {path.stem: np.load(path, allow_pickle=False, mmap_mode="r")}
+        found = np.load(path, allow_pickle=False, mmap_mode="r")
+        members = {path.stem: found} if isinstance(found, np.ndarray) else dict(found)
     groups: dict[str, dict[str, np.ndarray]] = {}
     for name, value in members.items():
         if value.dtype.names:

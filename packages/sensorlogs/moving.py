@@ -32,7 +32,6 @@ ANGLES = ("roll", "pitch", "yaw", "course")
 GIVEN = ("lat", "lon", "height", "pdop", "speed", "fix", "mode", "satellites")  # make an epoch
 TO_OURS = {unit: said["factor"] for own in NAMES["units_of"].values() for unit, said in own.items()}
 TO_OURS["rad"] = float(np.degrees(1.0))
-_SIX = 3 * ["rate"] + 3 * ["accel"]
 _SECOND = columns.FREE | {"bias"}  # of two columns that hold one quantity, the second choice
 Z_UP = 0.7 * STANDARD_GRAVITY  # of a phone: its screen within 45 deg of level
 PHONE = {*NAMES["phone"]["words"].split()}
@@ -199,8 +198,7 @@ def _assigned(part: Part, wanted: dict[str, str], used: set[str]) -> Part:
         table = part.load()
         new = {ours: table.frame[name] for ours, name in mine.items()}
         new |= {ours: -new[ours] for ours in mine if wanted[ours].startswith("-")}
-        frame = table.frame.drop(columns=gone, errors="ignore")
-        return replace(table, frame=frame.assign(**new))
+        return replace(table, frame=table.frame.drop(columns=gone, errors="ignore").assign(**new))
 
     return replace(part, columns=(*(n for n in part.columns if n not in gone), *mine), load=load)
 
@@ -401,10 +399,9 @@ class _Rows:
         sea = (np.abs(lat[fix]) < np.pi / 2) & (np.abs(lon[fix]) < np.pi)  # as degrees, off Africa
         told = told if factor == factor else "their size" * bool(sea.all() and fix.any())
         if not low < factor < high and told and not recognise(self.names["lat"]).unit:
-            two = self.names["lat"], self.names["lon"]
             raise WrongUsage(
                 f"{self.file}: by {told} the positions are in radians: say --columns "
-                f"lat_rad={two[0]},lon_rad={two[1]}, or lat_deg, lon_deg"
+                f"lat_rad={self.names['lat']},lon_rad={self.names['lon']}, or lat_deg, lon_deg"
             )
         if not low < factor < high and factor == factor:
             said = f"the positions move {factor:.2f} times as fast as the speed says"
@@ -434,7 +431,7 @@ class _Rows:
             share = 1 - len(rows) / len(readings)
             self.notes.append(f"{self.file}: {share:.1%} of the IMU rows lack a reading, left out")
         rows = self.rising(rows, self.notes, IMU_GAPS)
-        if [c.kind for c in chosen] != _SIX:
+        if [c.kind for c in chosen] != 3 * ["rate"] + 3 * ["accel"]:
             raise WrongUsage(
                 f"{self.file}, columns {', '.join(names)}: their units are not those of gyros and "
                 f"accelerometers: say --columns gyro_x_deg_s={names[0]} and so on for each axis"

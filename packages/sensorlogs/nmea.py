@@ -10,13 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from pynmeagps import NMEAMessage, NMEAMessageError, NMEAParseError, NMEAReader, NMEATypeError
+from pynmeagps import NMEAMessage, NMEAReader
 
 from sensorlogs import CannotAnswer, counted, times
 from sensorlogs.delimited import Table, content
 from sensorlogs.names import NAMES
 from sensorlogs.tables import Part
-from sensorlogs.times import BadStamps, Stamps
 
 PDOP_HOLD_S = 10.0  # receivers that save on sentences give a GSA every few seconds only
 STEP_BACK_S = 5.0  # a receiver that sets its clock back by less is taken to set it right
@@ -27,7 +26,6 @@ TALKER = rb"\$(?:G[A-Z]|BD|QZ)"
 _BODY = rb"[ -#%-)+-~]*"  # printable, no dollar, no star
 _END = rb"(?:[\r\n]|\Z)"
 SENTENCE = TALKER + rb"(?:GGA|GSA|RMC|GNS|GLL)," + _BODY + rb"(?:\*|" + _END + rb")"
-_BAD = (NMEAParseError, NMEAMessageError, NMEATypeError, ValueError, AttributeError, TypeError)
 _CLOCK = rb"\d\d:\d\d:\d\d(?:[.,]\d+)?"
 _STAMP = rb"\d{4}-\d\d-\d\d[T ]" + _CLOCK + rb"(?:Z|[+-]\d\d:?\d\d)?|" + _CLOCK
 _STAMP += rb"|\d{1,19}(?:\.\d+)?"
@@ -38,10 +36,10 @@ _BREAK = re.compile(rb"[\r\n]+")
 _STAMPED_BREAK = re.compile(rb"[\r\n]+(?:" + _HOSTED + rb"(?:[\r\n]+|(?=,)))?")
 Sentence = tuple[int, NMEAMessage]
 _POSITION = ("lat_deg", "lon_deg")
+_OF_FIX = (*_POSITION, "height_m", "separation_m", "speed_m_s", "course_deg")
 _FIELDS = NAMES["nmea"]
 _BEGIN = TALKER + rb"(?:" + "|".join(_FIELDS).encode() + rb"),"
-COLUMNS: tuple[str, ...] = ("t_s", *_POSITION, "height_m", "separation_m", "speed_m_s")
-COLUMNS += ("course_deg", "fix", "hdop", "pdop", "fix_mode", "quality", "satellites")
+COLUMNS = ("t_s", *_OF_FIX, "fix", "hdop", "pdop", "fix_mode", "quality", "satellites")
 _NO_FIX = {0, 6}  # none, and estimated (the receiver's own dead reckoning)
 
 
@@ -73,7 +71,7 @@ def _parse(raw: bytes) -> NMEAMessage | None:
     """Parse one sentence; None if its checksum or content is wrong."""
     try:
         return NMEAReader.parse(raw + b"\r\n")
-    except _BAD:
+    except Exception:  # the library raises what it likes on damaged bytes
         return None
 
 
@@ -181,10 +179,9 @@ def read_table(path: Path) -> Table:
     if len(again):
         said = f"the receiver starts again, or its clock jumps, here first: {len(again) + 1} starts"
         notes.append(f"{place(again[0])}: {said}")
-    stamps = Stamps(t - t[0], float(t[0]), which, (), again, _start(found, t, notes))
+    stamps = times.Stamps(t - t[0], float(t[0]), which, (), again, _start(found, t, notes))
     fix = found["fix"] & found[[*_POSITION]].notna().all(axis=1)
-    names = (*_POSITION, "height_m", "separation_m", "speed_m_s", "course_deg")
-    frame = found.assign(t_s=t, **{name: found[name].where(fix) for name in names}, fix=1.0 * fix)
+    frame = found.assign(t_s=t, **{name: found[name].where(fix) for name in _OF_FIX}, fix=1.0 * fix)
     age = t - frame["t_s"].where(frame["pdop"].notna()).ffill()  # receivers give it now and then
     frame["pdop"] = frame["pdop"].ffill().where(age <= PDOP_HOLD_S)
     mode = frame["mode"].ffill().where(age <= PDOP_HOLD_S)
@@ -206,7 +203,7 @@ def _host_time(raw: bytes, found, notes, name) -> tuple[np.ndarray | None, str]:
         unit = _host_unit(column, found["time"].to_numpy())
     try:
         stamps = times.stamps(f"host time stamp{unit}", column)
-    except BadStamps:
+    except times.BadStamps:
         return None, ""
     t = stamps.on_clock
     early = np.flatnonzero(~np.isfinite(t))  # before the first stamp: count back a second an epoch
@@ -248,9 +245,9 @@ def _receiver_time(found, place, notes) -> tuple[np.ndarray, list[int]]:
         notes.append(f"{place(0)}: no time of day in the whole log: one epoch a second assumed")
         return np.arange(len(day), dtype=float), []
     steps = np.diff(day[known])
-    over_midnight = (steps < 0) & (steps + times.SECONDS_PER_DAY < LEAP_S)
-    steps += times.SECONDS_PER_DAY * over_midnight
-    steps -= times.SECONDS_PER_DAY * (steps > times.SECONDS_PER_DAY / 2)  # rather hours back
+    # Over midnight, or rather hours back.
+    steps += times.SECONDS_PER_DAY * ((steps < 0) & (steps + times.SECONDS_PER_DAY < LEAP_S))
+    steps -= times.SECONDS_PER_DAY * (steps > times.SECONDS_PER_DAY / 2)
     t, again = day.copy(), []
     t[known[1:]] = day[known[0]] + np.cumsum(steps)
     interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0

@@ -94,9 +94,8 @@ def lap(path: Path, origin: tuple[float, float]) -> RtkLap:
 
 def _receiver(raw, name, path, origin):
     """Read an antenna: a row an epoch, its number, position if it is fixed, and clock."""
-    group = f"GPS_SparkFun_{name}_GGA"
     gps, computer, lat, lon, altitude, separation, mode = _columns(
-        raw, group, "antenna", GGA, path, "; pitch and roll need all three"
+        raw, f"GPS_SparkFun_{name}_GGA", "antenna", GGA, path, "; pitch and roll need all three"
     )
     good = np.isfinite(gps + lat + lon + altitude + separation)
     fixed = good & (mode == RTK_FIXED)

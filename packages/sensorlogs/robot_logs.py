@@ -10,7 +10,6 @@ import functools
 import itertools
 import os
 import re
-import sys
 import tempfile
 from array import array
 from collections import defaultdict
@@ -48,10 +47,10 @@ def ros_bag(path: Path) -> list[Part]:
         for topic, info in bag.topics.items():
             known = info.msgtype in bag.typestore.fielddefs
             first = itertools.islice(bag.messages(info.connections), 1) if known else ()
-            names = _ros_columns(bag, first)
+            names = tuple(_ros_columns(bag, first))
             told_by = DEFINED if info.msgtype in _ROS else "its message's field names"
             load = functools.partial(_ros_table, path, topic, info.msgcount)
-            parts.append(Part(topic, tuple(names), load, info.msgcount, told_by))
+            parts.append(Part(topic, names, load, info.msgcount, told_by))
     return parts
 
 
@@ -122,14 +121,12 @@ def _ros_table(path: Path, topic: str, rows: int) -> Table:
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """Keep a library from printing what it skips; some print past Python."""
-    with open(os.devnull, "w") as nowhere, contextlib.ExitStack() as after:
-        for number, stream in ((1, sys.stdout), (2, sys.stderr)):
-            stream.flush()
-            copy = os.dup(number)
-            os.dup2(nowhere.fileno(), number)
-            for last in ((os.close, copy), (os.dup2, copy, number), (stream.flush,)):
-                after.callback(*last)
+    """Keep a library from printing what it skips."""
+    with (
+        open(os.devnull, "w") as nowhere,
+        contextlib.redirect_stdout(nowhere),
+        contextlib.redirect_stderr(nowhere),
+    ):
         yield
 
 
@@ -202,16 +199,14 @@ def dataflash(path: Path) -> list[Part]:
             offsets = offsets[offsets + form.len <= len(raw)]
             # An old GPS has T, the clock of the other messages, after the time of its week.
             stamps = form.columns if form.name.startswith("GPS") else form.columns[:1]
-            stamp = next((s for s in ("TimeUS", "T", "TimeMS", "GMS") if s in stamps), None)
+            stamp = next((s for s in NAMES["dataflash_stamps"] if s in stamps), None)
             if offsets.size and stamp:
                 parts += _dataflash_parts(path, form, stamp, offsets, raw, notes)
         log.filehandle.close()
     return parts
 
 
-def _dataflash_parts(
-    path: Path, form: Any, stamp: str, offsets: np.ndarray, raw: np.ndarray, notes: list[str]
-) -> list[Part]:
+def _dataflash_parts(path, form, stamp, offsets, raw, notes) -> list[Part]:
     """Take the rows of one message apart by its instance."""
     from pymavlink.DFReader import FORMAT_TO_STRUCT
 
@@ -231,10 +226,8 @@ def _dataflash_parts(
         columns = {}
         for name, (_, factor, _) in zip(form.columns, codes, strict=True):
             if mine[name].dtype.kind in "fiu" and name != instance:
-                ours = NAMES["dataflash"].get(name, name)
-                if name == stamp:
-                    ours = "t_us" if name == "TimeUS" else "t_ms"
-                columns[ours] = mine[name] * (factor or 1.0)
+                known = NAMES["dataflash_stamps" if name == stamp else "dataflash"]
+                columns[known.get(name, name)] = mine[name] * (factor or 1.0)
         if form.name.startswith("GPS") and "Status" in columns:
             columns["fix"] = np.maximum(columns.pop("Status") - 1, 0)  # 2 and more: a fix
         primary = bool(_PRIMARY.fullmatch(form.name))
@@ -301,8 +294,7 @@ def _ubx_rows(message: Any) -> Iterator[dict[str, float]]:
     """Make the rows of one message."""
     if message.identity == "NAV-PVT":
         date = (message.year, message.month, message.day, message.hour, message.min, message.second)
-        known = message.validDate and message.validTime
-        start = calendar.timegm(date) if known else np.nan
+        start = calendar.timegm(date) if message.validDate and message.validTime else np.nan
         yield {
             "t_s": start + 1e-9 * message.nano,
             **{ours: getattr(message, field) / per for field, (ours, per) in _PVT.items()},

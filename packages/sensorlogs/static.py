@@ -277,11 +277,14 @@ def _placed(table, option):
         frame, at = frame.iloc[inside], at[inside]
         table = replace(table, frame=frame)
     texts = [n for n in frame if n != time and frame[n].dtype.kind != "f"]
+    tags = texts + [n for n in frame if n not in texts and "sensor" in n.lower() and n != time]
+    # To group rows by a counter, or by a text of its own each, takes long.
+    few = (n for n in tags if frame[n].head(9999).nunique() < 99)
     if not stamped:
-        for name in texts:
+        for name in (n for n in few if n in texts):
             turns = (frame[name] != frame[name].shift()).mean() > IN_TURN
-            turns = turns and frame[name].head(9999).nunique() < 99
-            if turns and (_inside(frame, name) < 0.5).any():
+            each = frame.groupby(name)[list(frame.select_dtypes("number"))]
+            if turns and (each.std().mean() / frame.std(numeric_only=True) < 0.5).any():
                 said = f"column '{name}' changes from row to row"
                 raise WrongUsage(f"{file}: rows of several sensors: {said}; give each a file")
         every = np.arange(len(at))
@@ -290,9 +293,6 @@ def _placed(table, option):
     same = np.flatnonzero(at[1:] == at[:-1]) + 1
     now = frame.iloc[same]
     before = frame.iloc[same - 1].set_axis(now.index)
-    tags = texts + [n for n in frame if n not in texts and "sensor" in n.lower() and n != time]
-    # To group rows by a counter, or by a text of its own each, takes long.
-    few = (n for n in tags if frame[n].head(9999).nunique() < 99)
     for name in few if tags and _uneven(at) > 0.5 else ():
         each = [at[rows] for rows in frame.groupby(name).indices.values()]
         throughout = len(each) > 1 and min(map(np.ptp, each)) > np.ptp(at) / 2
@@ -308,12 +308,6 @@ def _placed(table, option):
             f"{grid.rate_hz:.6g} Hz; leave one of them out"
         )
     return table, time, grid, np.nanmin(at), notes
-
-
-def _inside(frame: pd.DataFrame, label: str) -> pd.Series:
-    """Return the scatter of each column among the rows of a label, in that of all rows."""
-    each = frame.groupby(label)[list(frame.select_dtypes("number"))]
-    return each.std().mean() / frame.std(numeric_only=True)
 
 
 def _uneven(at: np.ndarray) -> float:

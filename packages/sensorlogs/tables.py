@@ -45,9 +45,7 @@ class Part:
     primary: bool = True
 
 
-def of_arrays(
-    path: Path, name: str, arrays: dict[str, np.ndarray], repairs: Iterable[str] = (), **more
-) -> Part:
+def of_arrays(path: Path, name: str, arrays: dict, repairs: Iterable[str] = (), **more) -> Part:
     """Make a part of columns that are in memory; numbers become float64, rows of words go."""
     found = {}
     for column, values in arrays.items():
@@ -148,12 +146,10 @@ def not_read(parts: Sequence[Part], chosen: Sequence[Part]) -> list[str]:
 
 def listed(parts: Sequence[Part]) -> str:
     """Name tables and their rows."""
-    texts = [
-        printable(p.name) + ("" if p.rows is None else f" ({counted(p.rows, 'row')})")
-        for p in parts[:LISTED]
-    ]
+    sizes = ["" if p.rows is None else f" ({counted(p.rows, 'row')})" for p in parts]
+    texts = [printable(part.name) + size for part, size in zip(parts, sizes, strict=True)]
     more = f" and {len(parts) - LISTED} more" if len(parts) > LISTED else ""
-    return ", ".join(texts) + more
+    return ", ".join(texts[:LISTED]) + more
 
 
 def side_by_side(tables: Sequence[Table], parts: Sequence[Part], moving: bool) -> Table:

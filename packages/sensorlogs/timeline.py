@@ -225,8 +225,7 @@ def silent_gaps(gnss: Gnss, imu: Imu | None) -> list[float]:
     """Return the first epoch after each time in which neither receiver nor IMU gave anything, s."""
     events = gnss.t_s
     if imu is not None:
-        inside = (imu.t_s > gnss.t_s[0]) & (imu.t_s < gnss.t_s[-1])
-        events = np.union1d(events, imu.t_s[inside])
+        events = np.union1d(events, imu.t_s[(imu.t_s > events[0]) & (imu.t_s < events[-1])])
     ends = events[1:][np.diff(events) > SILENT_S]
     return np.unique(gnss.t_s[np.searchsorted(gnss.t_s, ends)]).tolist()
 

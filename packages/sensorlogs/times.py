@@ -22,13 +22,8 @@ from sensorlogs.names import NAMES, spellings
 SCALES = {unit: said["seconds"] for unit, said in NAMES["units_of_time"].items()}
 _SHORT = ("d", "h", "min")  # alone, such a name is none of a time
 _UNITS = spellings(NAMES["units_of_time"])
-_NAMES = re.compile(NAMES["times"]["named"])
-_STAMP = r"(^|[._ /])(time_?stamp|stamp|seconds_elapsed|time)"
-_STAMP += r"([_ ](unix|sync).*|[._ ]n?secs?|\[m?s\])?$"
 _COUNTED = {*NAMES["others"]["a counter"].split()}
 _UNIX = {"s": (1e8, 1e10), "ms": (1e11, 1e13), "us": (1e14, 1e16), "ns": (1e17, 1e19)}
-_COUNTERS: tuple[float, ...] = (2.0**16, 2.0**24, 604800.0, 604800e3, 864e6, 2.0**31, 2.0**32)
-_COUNTERS += (864e2, 864e5, 2.0**32 / 1e3, 2.0**32 / 1e6)  # they start again here: ms, us in s
 SECONDS_PER_DAY = 86400.0
 RESTART_S = 60.0  # a clock that falls back by more has started again
 RESTARTS = 0.01  # share of rows that may do so; more is a file that is not sorted
@@ -99,7 +94,9 @@ def is_time(name: str) -> bool:
         return False  # T(°) is a temperature
     bare = re.sub(r"[\s_]*[\[(].*$", "", lower)
     stem = re.sub(r"_([a-zµμ]+)$", lambda m: "" if m[1] in _UNITS else m[0], bare)
-    return bool(_NAMES.fullmatch(stem)) or (lower in _UNITS and lower not in (*_SHORT, "s"))
+    return bool(re.fullmatch(NAMES["times"]["named"], stem)) or (
+        lower in _UNITS and lower not in (*_SHORT, "s")
+    )
 
 
 def time_column(frame: pd.DataFrame) -> str | None:
@@ -107,7 +104,7 @@ def time_column(frame: pd.DataFrame) -> str | None:
     bare = [name for name in frame if name.strip().lower() in ("ms", "us", "ns")]
     named = [name for name in frame if is_time(name) and name not in bare]
     named = named or [n for n in frame if unit_of(n) and is_time(_words(n)) and n not in bare]
-    named = named or [n for n in frame if re.search(_STAMP, _words(n))]
+    named = named or [n for n in frame if re.search(NAMES["times"]["ends"], _words(n))]
     # all these before MS, which may be the rest of a second
     texts = [name for name in frame if frame[name].dtype.kind != "f"]
     clocks = [name for name in texts if CLOCK.match(str(frame[name].iloc[0]).strip())]
@@ -238,8 +235,7 @@ def _from_text(name: str, column: np.ndarray, unit: str | None) -> Stamps:
             cells = pd.to_datetime(cells, format="mixed", errors="coerce").dt.strftime("%T.%f")
         forms = {r"(:\d+:\d+)(,|:(?=\d{3}$))": r"\1.", r"^(\d+:\d+)[.,]": r"0:\1."}  # 59:58.0
         padded = cells.replace({r"^(\d+:\d+)$": full} | forms, regex=True)
-        seconds = pd.to_timedelta(padded, errors="coerce").dt.total_seconds()
-        t = unwrap_clock(seconds.to_numpy())
+        t = unwrap_clock(pd.to_timedelta(padded, errors="coerce").dt.total_seconds().to_numpy())
         step = pd.Series(t).diff().median()
         if unit is None and step == 60 and cells.str.count(":").max() < 2:
             said = f"'{cells[0]}' may be mm:ss or hh:mm: say --time-unit s, or min"
@@ -283,7 +279,7 @@ def unwrap_clock(seconds_of_day: np.ndarray) -> np.ndarray:
 def continuous(t: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     """Undo the overflow of a counter, or of the time of a GPS week."""
     step = np.diff(t[np.isfinite(t)])
-    for top in _COUNTERS if (step < 0).any() else ():
+    for top in NAMES["times"]["overflows"] if (step < 0).any() else ():
         wraps = (step < 0) & (step + top > 0) & (step + top < 10 * np.median(step))
         if wraps.any() and np.nanmax(t) <= top:
             out, count = t.copy(), int(wraps.sum())
