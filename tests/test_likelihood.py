@@ -460,11 +460,11 @@ def test_white_noise_behind_a_first_order_low_pass_is_its_plateau(n):
     assert 0.06 < e.high < 1.6 * e.low if long else e.high is None
 
 
-@pytest.mark.parametrize("cutoff", [0.5, 3.0, 8.0])
+@pytest.mark.parametrize("cutoff", [0.5, 3.0])
 def test_a_short_log_behind_a_strong_low_pass_gives_no_wrong_number(cutoff):
     """property: of a minute behind a filter like an MPU-6050's no slow noise is made up."""
     b, a = butter(2, cutoff, fs=100.0)
-    for seed in range(6):
+    for seed in range(3):
         y = lfilter(b, a, 0.1 * np.random.default_rng(seed).standard_normal(6500))[500:]
         about = {"name": "x", "unit": "deg/s", "kind": "rate", "rng": np.random.default_rng(4)}
         found = characterise(y, 0.01, **about).parameters
