@@ -367,10 +367,10 @@ def infer(
         m = cleared
     elif rate and not settled:
         least, end = 2 * FEWEST_MEANS * dt * ((cleared or 2 * m) << MARGIN - 1), len(y) * dt
-        white, slow = said("filter_white", least=least), said("filter_slow")
+        note = said("filter_white", least=least)
         disturbances += [
-            Disturbance("filter", 0.0, end, white, WHITE, bounds=(1.0, None)),
-            Disturbance("filter", 0.0, end, slow, (*SIZES, "corr_time")),
+            Disturbance("filter", 0.0, end, note, WHITE, bounds=(1.0, None)),
+            Disturbance("filter", 0.0, end, said("filter_slow"), (*SIZES, "corr_time")),
         ]
     lack = lost_in_means(finest, likelihood, chosen)
     used = likelihood.spectrum.length @ likelihood.spectrum.behind / m / np.isfinite(y).sum()

@@ -375,11 +375,8 @@ def datums(a: Track, b: Track, d: Differences, half: float = 0.0) -> list[str]:
     Parameters
     ----------
     a, b : Track
-    d : Differences
-        b minus a.
-    half : float
-        Half the 95 % interval of the offset between their clocks, s: so much of their travel is no
-        datum.
+    d, half
+        As for `with_clock`; what they travel in ``half`` is no datum.
 
     Returns
     -------
