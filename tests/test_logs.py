@@ -30,11 +30,12 @@ def write(folder, rows, header=HEADER, **more):
     return csv_of(folder, header, rows, **more)
 
 
-def replaced(rows, row, column, text):
-    """Return the lines with one cell replaced."""
-    cells = rows[row].split(",")
-    cells[column] = text
-    return [*rows[:row], ",".join(cells), *rows[row + 1 :]]
+def but_for(cells):
+    """Return the lines with other cells: row and column -> text."""
+    table = [line.split(",") for line in lines()]
+    for (row, column), text in cells.items():
+        table[row][column] = text
+    return [",".join(row) for row in table]
 
 
 def values(log):
@@ -143,9 +144,8 @@ def test_angles_are_unwrapped(tmp_path, unit, period):
     turn = 3.0 * np.arange(300) * period / 360
     wrapped = (turn + period / 2) % period - period / 2
     rows = [f"{i / 10:.1f},{w:.9f}" for i, w in enumerate(wrapped)]
-    # A gap right at the first jump.
-    log = read(tmp_path, replaced(rows, 60, 1, "nan"), f"t_s,yaw_{unit}")
-    turn[60] = np.nan
+    rows[60], turn[60] = "6.0,nan", np.nan  # a gap right at the first jump
+    log = read(tmp_path, rows, f"t_s,yaw_{unit}")
     np.testing.assert_allclose(log.channels[0].values, turn, atol=1e-8)  # nine decimals are printed
     assert any("unwrapped: 2 jumps" in repair for repair in log.repairs)
 
@@ -154,21 +154,21 @@ def test_angles_are_unwrapped(tmp_path, unit, period):
 
 
 MARKED = [(10, 1), (50, 1), (51, 1)]
-MISSING = {  # cells that are written -> the rows that lack the first and the second, what is said
+MISSING = {  # rows -> those that lack the first and the second reading, what is said
     "NaN, empty and absurd": (
-        {(10, 1): "nan", (11, 1): "", (12, 1): "-1e300"}, [10, 11, 12], [],
+        but_for({(10, 1): "nan", (11, 1): "", (12, 1): "-1e300"}), [10, 11, 12], [],
         "^my.csv: values are missing or beyond 1e9: 3 of 200 in gyro_x_deg_s, first in line 12$"),
-    **{mark: (dict.fromkeys(MARKED, mark), [10, 50, 51], [],
+    **{mark: (but_for(dict.fromkeys(MARKED, mark)), [10, 50, 51], [],
               rf"values are missing or a mark for it \({mark.removesuffix('.0')}, ")
        for mark in ("-9999", "999.0", "-32768")},
     "of a spreadsheet and of C": (
-        {(10, 1): "#N/A", (20, 1): "1.#QNAN", (30, 2): "-1.#IND"}, [10, 20], [30],
+        but_for({(10, 1): "#N/A", (20, 1): "1.#QNAN", (30, 2): "-1.#IND"}), [10, 20], [30],
         "^my.csv: values are missing: 2 of 200 in gyro_x_deg_s, first in line 12; 1 of 200 in "),
-    "a knock": ({(50, 1): "-900", (51, 1): "-800"}, [], [], ""),
+    "a knock": (but_for({(50, 1): "-900", (51, 1): "-800"}), [], [], ""),
     "a coarse step": (
-        {(k, 1): "500" if k % 9 == 0 else "0" for k in range(200)}, [], [], ""),
+        but_for({(k, 1): "500" if k % 9 == 0 else "0" for k in range(200)}), [], [], ""),
     "two columns": (  # that lack values for one reason stand together
-        {(10, 1): "", (20, 1): "", (20, 2): ""}, [10, 20], [20],
+        but_for({(10, 1): "", (20, 1): "", (20, 2): ""}), [10, 20], [20],
         "^my.csv: values are missing: 2 of 200 in gyro_x_deg_s, first in line 12; "
         "1 of 200 in gyro_y_deg_s, first in line 22$"),
 }  # fmt: skip
@@ -181,9 +181,7 @@ def test_missing_cells_are_stated_and_stay_missing(tmp_path, case):
     So is a value that returns far from all others, a logger's mark for no reading; a knock is not,
     nor one that is in one of nine samples, a coarse step.
     """
-    (cells, *gone, said), rows = MISSING[case], lines()
-    for (row, column), text in cells.items():
-        rows = replaced(rows, row, column, text)
+    rows, *gone, said = MISSING[case]
     log = read(tmp_path, rows)
     assert [missing(log), missing(log, 1)] == gone and len(log.repairs) == bool(said)
     assert re.search(said, "".join(log.repairs))
@@ -230,49 +228,30 @@ def test_a_column_of_text_is_stated(tmp_path):
     assert len(log.channels) == 2 and log.repairs == ("columns of text left out: a1",)
 
 
-@pytest.mark.parametrize("label", [lambda k: "ok" if k % 3 else "late", lambda k: f"{k // 10} s"])
-def test_a_label_of_one_sensor_is_no_sensor_of_its_own(tmp_path, label):
-    """Property: a state by turns in a log of even stamps; a clock of whole seconds in words."""
-    rows = [f"{k // 10 if label(k)[-1] == 's' else k / 10},{label(k)},{line.split(',')[1]}"
-            for k, line in enumerate(lines())]  # fmt: skip
-    log = read(tmp_path, rows, "t_s,sensor_state,gyro_x_deg_s")
+@pytest.mark.parametrize(("header", "label"), [
+    ("t_s,state", lambda k: f"{k / 10},{'ok' if k % 3 else 'late'}"),
+    ("t_s,state", lambda k: f"{k // 10},{k // 10} s"), ("state", lambda k: "ag"[k % 2])],
+    ids=["by turns", "whole seconds in words", "without stamps"])  # fmt: skip
+def test_a_label_of_one_sensor_is_no_sensor_of_its_own(tmp_path, header, label):
+    """Property: where the readings do not differ by it, the rows are one log of even samples."""
+    rows = [f"{label(k)},{line.split(',')[1]}" for k, line in enumerate(lines())]
+    log = read(tmp_path, rows, f"{header},gyro_x_deg_s", rate=None if "t_s" in header else 10)
     assert (log.samples, log.gaps, log.rate_hz) == (200, 0, pytest.approx(10))
 
 
-@pytest.mark.parametrize("sensors", [True, False])
-def test_rows_of_sensors_in_turn_are_no_log_at_a_rate(tmp_path, sensors):
-    """Property: a label by turns is refused if the readings differ by it."""
-    rows = [f"{'ag'[k % 2]},{k % 2 * sensors + 1e-3 * np.sin(k)}" for k in range(200)]
-    path = write(tmp_path, rows, "type,gyro_x_deg_s")
-    if sensors:
-        refused(WrongUsage, "'type' changes from row to row; give each", logs.read, path, rate=100)
-    else:
-        assert logs.read(path, rate=100).samples == 200
-
-
-@pytest.mark.parametrize("before", ["DATA:", "[", "I (12) IMU: ", "2024-03-05 10:15:32.123 "])
-def test_what_stands_before_the_first_number_is_no_label(tmp_path, before):
-    """Property: without a delimiter it would hide an axis, and the next take its place."""
-    path = write(tmp_path, [f"{before}{np.sin(k):.4f},0.2,1.{k}" for k in range(200)], "")
-    said = "column 'c1': '.*0.0000' is not a number"
-    refused(CannotAnswer, said, logs.read, path, rate=100, unit="accel=g")
+SINE = np.sin(np.arange(0, 400, 2))
+TURNS = [f"{k / 200},{k / 7},," if k % 2 else f"{k / 200},,{SINE[k // 2]},1" for k in range(400)]
+TURNS[120] = "0.6,,1e12,1"
+SEVERAL = "t_s,gyro_x_deg_s,accel_x_g,accel_y_g"
 
 
 def test_rows_of_other_sensors_are_left_out(tmp_path):
     """Property: chosen columns that are empty in every other row have their own rate and lines."""
-    truth = np.sin(np.arange(0, 400, 2))
-    rows = [
-        f"{k / 200},{k / 7},," if k % 2 else f"{k / 200},,{truth[k // 2]},1" for k in range(400)
-    ]
-    rows[120] = "0.6,,1e12,1"
-    path = write(tmp_path, rows, "t_s,gyro_x_deg_s,accel_x_g,accel_y_g")
-    refused(CannotAnswer, "line 2, column 'gyro_x_deg_s': no value here", logs.read, path)
-    log = logs.read(path, columns=[3, 4], start=0.5)
+    log = read(tmp_path, TURNS, SEVERAL, columns=[3, 4], start=0.5)
     assert (log.samples, log.gaps, log.rate_hz) == (150, 0, pytest.approx(100))
     assert "200 rows without any of the chosen columns left out" in log.repairs
     assert missing(log) == [10] and "first in line 122" in log.repairs[-1]
-    np.testing.assert_allclose(np.delete(values(log)[0], 10), np.delete(truth[50:], 10))
-    refused(CannotAnswer, "nor in 201 of 400", logs.read, path, columns=[3], rate=100)
+    np.testing.assert_allclose(np.delete(values(log)[0], 10), np.delete(SINE[50:], 10))
 
 
 def test_rows_are_not_grouped_by_a_text_of_their_own(tmp_path, monkeypatch):
@@ -326,10 +305,10 @@ COARSE = [f"{10 * i},{i % 7},{i % 5}" for i in range(200)]
 BAD_ROWS = [  # rows, what is said of the first that is faulty; what cannot be answered
     ([line.replace(",-", ",\u2212") for line in lines()],
      "line 4 | 'gyro_x_deg_s' | \u22120.5 | is not a number | correct"),
-    (replaced(lines(), 50, 2, "abc"), "line 52 | 'gyro_y_deg_s' | 'abc' | correct"),
-    (replaced(lines(), 0, 1, "abc"), "line 2 | 'gyro_x_deg_s' | 'abc'"),
-    (replaced(lines(), 60, 2, "1,2"), "line 62 | 'gyro_y_deg_s' | 4 fields"),
-    (replaced(lines(), 60, 0, "noon"), "line 62 | 't_s' | 'noon'"),
+    (but_for({(50, 2): "abc"}), "line 52 | 'gyro_y_deg_s' | 'abc' | correct"),
+    (but_for({(0, 1): "abc"}), "line 2 | 'gyro_x_deg_s' | 'abc'"),
+    (but_for({(60, 2): "1,2"}), "line 62 | 'gyro_y_deg_s' | 4 fields"),
+    (but_for({(60, 0): "noon"}), "line 62 | 't_s' | 'noon'"),
     ([*lines()[:100], *lines()[90:]], "line 102 | 't_s' | backward | --rate"),
     ([*lines()[:50], *lines()[120:]], "line 52 | 't_s' | 70 of 200 | --from"),
     (HALF, "line 2 | 'gyro_x_deg_s' | 67 of 200 | --columns"),
@@ -362,8 +341,11 @@ BAD_USE = [  # what is given, header, rows and what is said; wrong usage
     ({"unit": "g"}, "t_s,ax,ay,az", NINE, "az | median |accel| is 9.81 g | --unit m/s^2"),
     ({}, "t_s,accel_z_m_s2", [",".join(row.split(",")[::3]) for row in GRAVITY],
      "accel_z | --unit g"),
+    ({"rate": 100}, "type,gyro_x_deg_s",
+     [f"{'ag'[k % 2]},{k % 2 + 1e-3 * np.sin(k)}" for k in range(200)],
+     "'type' changes from row to row; give each"),
 ]  # fmt: skip
-NOTED = replaced(lines(), 50, 2, "abc")
+NOTED = but_for({(50, 2): "abc"})
 NOTED[20:20], NOTED[30:30] = [""], ["# note"]
 BAD = [
     *((CannotAnswer, {}, HEADER, *case) for case in BAD_ROWS),
@@ -374,6 +356,13 @@ BAD = [
     # Comments, blank lines and CRLF count as lines, as in an editor.
     (CannotAnswer, {}, f"# by a logger\r\n\r\n{HEADER}\r", ["\r\n".join(NOTED)],
      "line 56, column 'gyro_y_deg_s': 'abc'"),
+    (CannotAnswer, {}, SEVERAL, TURNS, "line 2, column 'gyro_x_deg_s': no value here"),
+    (CannotAnswer, {"columns": [3], "rate": 100}, SEVERAL, TURNS, "nor in 201 of 400"),
+    # What stands before the first number is no label: it would hide an axis.
+    *((CannotAnswer, {"rate": 100, "unit": "accel=g"}, "",
+       [f"{before}{np.sin(k):.4f},0.2,1.{k}" for k in range(200)],
+       f"column 'c1': '{before}0.0000' is not a number")
+      for before in ("DATA:", "[", "I (12) IMU: ", "2024-03-05 10:15:32.123 ")),
     *((WrongUsage, *case) for case in BAD_USE),
 ]  # fmt: skip
 
