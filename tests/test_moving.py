@@ -424,6 +424,18 @@ IN_CHILE = [(k, 33.4 - 1e-5 * k, "S", 70.6, "W", "47.1 km/h") for k in K]  # as 
 FIXES = [("has_fix", True, False), ("fix", "3D", "none"), ("fix_type", 2, 1), ("fixType", 3, 0),
          ("quality", "GPS", "NO FIX")]  # fmt: skip
 COURSES = (655.35, np.nan), (-2e10, np.nan), (-1, np.nan), (-90, 270), (360, 360)
+MULTIPLES = [("alt_cm", 4e4, "speed_cm_s", 1e3), ("Alt (mm)", 4e5, "Speed (mm/s)", 1e4),
+             ("alt_km", 0.4, "speed_m_s", 10), ("alt", 400, "speed [km/h]", 36)]  # fmt: skip
+UNLIKE = ["its unit is another one"]
+SPEEDS = [("m_s", 15, []), ("km_h", 15, UNLIKE), ("knots", 15, UNLIKE), ("mph", 15, UNLIKE),
+          ("m_s", 0, UNLIKE)]  # fmt: skip
+SQUARE = np.repeat([250.0, 340, 70, 160], 30)  # two minutes round one, at 15 m/s
+WAY = np.array([np.cos(np.radians(SQUARE)), np.sin(np.radians(SQUARE)) / np.cos(np.radians(LAT))])
+WAY = np.array([[LAT], [LON]]) + 15 / 111_195 * (np.cumsum(WAY, axis=1) - WAY)
+OFF = ["off the course"]
+TURNED = {"ahead": (SQUARE, []), "of a crab": (SQUARE - 25, []), "unknown": (np.nan * SQUARE, []),
+          "in radians": (np.radians(SQUARE), OFF), "astern": (SQUARE + 180, OFF),
+          "from the east": (90 - SQUARE, OFF)}  # fmt: skip
 CELLS = {  # header, rows -> what columns must be, notes
     "letters of the hemisphere": (
         "t_s,LATITUDE,N/S,LONGITUDE,E/W,SPEED", IN_CHILE,
@@ -439,6 +451,17 @@ CELLS = {  # header, rows -> what columns must be, notes
     **{f"a course {written}": (
         GNSS, [(*row[:-1], written) for row in gnss_rows(K)], {"course_deg": course},
         [] if course > 0 else ["courses that are no direction"]) for written, course in COURSES},
+    **{f"a speed of {size} {unit} at 15 m/s": (
+        GNSS.replace("speed_m_s", f"speed_{unit}"),
+        [(k, LAT + 15 * k / 111_195, LON, 100, 2, size, 0) for k in range(60)],
+        {"speed_m_s": np.nan if said else 15}, said) for unit, size, said in SPEEDS},
+    **{f"a course {which}": (
+        GNSS, [(k, *WAY[:, k], 100, 2, 15, c) for k, c in enumerate(course)],
+        {"course_deg": np.nan if said else course, "speed_m_s": 15}, said)
+       for which, (course, said) in TURNED.items()},
+    **{f"{alt} and {speed}": (
+        f"t_s,lat,lon,{alt},{speed}", [(k, 45 + k * 9e-5, 7, high, fast) for k in range(9)],
+        {"height_m": 400, "speed_m_s": 10}, []) for alt, high, speed, fast in MULTIPLES},
     "empty, zero and negative": (
         f"{GNSS},has_fix", NONE,
         {"has_fix": ~np.isin(K, [2, 3, 4]), "pdop": np.where(np.isin(K, [5, 6]), np.nan, 1.8),
@@ -451,7 +474,8 @@ CELLS = {  # header, rows -> what columns must be, notes
 @pytest.mark.parametrize("case", CELLS)
 def test_what_loggers_write(tmp_path, case):
     """published: words for a fix, of which a type of 1 has no position (MAVLink, PX4, u-blox);
-    MAVLink's, Septentrio's and the iPhone's sign of no course; what cannot be is left out.
+    MAVLink's, Septentrio's and the iPhone's sign of no course; multiples of a metre. What cannot
+    be, or contradicts the positions, is left out.
     """
     header, rows, wanted, said = CELLS[case]
     log = table(tmp_path, header, rows)
@@ -477,41 +501,6 @@ def test_a_gyroscope_in_degrees_is_no_phone(tmp_path, unit, z):
     ]
     log = table(tmp_path, ",".join(["Time (s)", *names]), imu_rows(np.arange(20), -1.0))
     holds(log.imu, accel_b=[[0.01, 0.02, z] if z > 0 else [0.02, 0.01, z]] * 20)
-
-
-@pytest.mark.parametrize(("unit", "speed"), [
-    ("m_s", 15), ("km_h", 15), ("knots", 15), ("mph", 15), ("m_s", 0)])  # fmt: skip
-def test_a_speed_of_another_unit_is_left_out(tmp_path, unit, speed):
-    """property: 15 m/s declared in each unit, and as 0: dropped and said but for the right one."""
-    rows = [(k, LAT + 15 * k / 111_195, LON, 100, 2, speed, 0) for k in range(60)]
-    log = table(tmp_path, GNSS.replace("speed_m_s", f"speed_{unit}"), rows)
-    right = (unit, speed) == ("m_s", 15)
-    assert np.isfinite(log.gnss.speed_m_s).all() == right != says(log, "its unit is another one")
-
-
-@pytest.mark.parametrize(("turn", "left"), [
-    (lambda c: c, True), (lambda c: c - 25, True), (np.radians, False), (lambda c: c + 180, False),
-    (lambda c: 90 - c, False), (lambda c: np.nan * c, False)])  # fmt: skip
-def test_a_course_against_the_positions_is_left_out(tmp_path, turn, left):
-    """property: two minutes round a square: the right one, a crab, and those that are another."""
-    course, place, rows = np.repeat([250.0, 340, 70, 160], 30), np.zeros(2), []
-    for k, c in enumerate(course):
-        rows.append((k, LAT + place[0], LON + place[1], 100, 2, 15, turn(c)))
-        north, east = np.cos(np.radians(c)), np.sin(np.radians(c)) / np.cos(np.radians(LAT))
-        place += 15 / 111_195 * np.array([north, east])
-    log = table(tmp_path, GNSS, rows)
-    assert np.isfinite(log.gnss.course_deg).all() == left and np.isfinite(log.gnss.speed_m_s).all()
-    assert says(log, "off the course") != (left or np.isnan(turn(1.0)))
-
-
-@pytest.mark.parametrize(("alt", "high", "speed", "fast"), [
-    ("alt_cm", 4e4, "speed_cm_s", 1e3), ("Alt (mm)", 4e5, "Speed (mm/s)", 1e4),
-    ("alt_km", 0.4, "speed_m_s", 10), ("alt", 400, "speed [km/h]", 36)])  # fmt: skip
-def test_heights_and_speeds_in_multiples_of_a_metre(tmp_path, alt, high, speed, fast):
-    """Analytic: 400 m and 10 m/s in each unit."""
-    names = f"t_s,lat,lon,{alt},{speed}"
-    rows = [f"{i},{45 + i * 9e-5},7,{high},{fast}" for i in range(9)]
-    holds(read_moving([csv_of(tmp_path, names, rows)]).gnss, height_m=400, speed_m_s=10)
 
 
 def test_a_speed_in_knots_has_no_other_unit(tmp_path):
