@@ -255,9 +255,8 @@ def test_a_turning_sensor_is_followed():
     angles = np.column_stack([roll, pitch, 30 + 9 * np.clip(t - 15, 0, 10)])
     heading = [math.radians(30) if 5 < k < 12 else None for k in range(40)]
     samples, found = simulate(np.radians(angles), rng), []
-    block = run(
-        Attitude(), *samples, static=5, heading=heading, then=lambda of: found.append(of.angles)
-    )
+    given = {"static": 5, "heading": heading, "then": lambda of: found.append(of.angles)}
+    block = run(Attitude(), *samples, **given)
     off = np.degrees(found) - angles[RATE - 1 :: RATE]
     assert np.abs(off[:, :2]).max() < 0.5 and np.abs(off[6:, 2]).max() < 1.0
     assert np.isnan(off[:6, 2]).all() and block.heading_known

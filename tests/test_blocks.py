@@ -361,9 +361,8 @@ def test_what_an_epoch_tells_the_mounting():
 def test_what_an_epoch_tells_the_filters():
     """known case: a start, a low-passed rest, a fix, a velocity at rest; who says where it is."""
     epoch, rest, both = Epoch(100.0, None, 2.0, 10.0, 0.0, 3.0, 8.0), (7.0, 8.0, 9.0), (True, False)
-    for has_car, started, fix, moving, layer, since, jumped in product(
-        both, both, ((3.0, 4.0, 5.0), None), both, (0, 2), (60.0, 60.1), both
-    ):
+    cases = product(both, both, ((3.0, 4.0, 5.0), None), both, (0, 2), (60.0, 60.1), both)
+    for has_car, started, fix, moving, layer, since, jumped in cases:
         car, anew = Mock(antenna=[5.0, 6.0], started=True), not started or bool(fix and jumped)
         device = stand_ins(
             Options(), fusion={"started": started, "position": (1.0, 2.0, 3.0)},

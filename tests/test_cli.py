@@ -434,10 +434,8 @@ def test_reproduce_ends_with_the_table(monkeypatch):
     monkeypatch.setattr(reproduce, "since_commit", lambda: (["README.md", "a.pdf"], ["a.pdf"]))
     status, out, _ = run("reproduce", "00", "notebooks/10-static-logs.ipynb")
     *table, _, same, changed, _, _, alike, back = out.splitlines()
-    assert (status, same) == (
-        0,
-        "no number of a figure, claim or finding differs from the committed",
-    )
+    nothing = 0, "no number of a figure, claim or finding differs from the committed"
+    assert (status, same) == nothing
     assert changed == "git: 2 files changed since the last commit:"
     assert alike.startswith("1 of them show") and back == "  git checkout -- a.pdf"
     wanted = "notebook seconds figures claims checked|10-static-logs 30.0 31 40|00-index 2.0 0 0"

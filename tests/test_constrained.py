@@ -174,9 +174,8 @@ def test_what_it_starts_with():
             block._pull = [0.24 * pull, -0.32 * pull, 9.0]
             assert block.may_rest() == (speed < 1 and pull < 1)
             assert block.may_rest(math.inf) == (speed < 1)
-    assert np.hypot(STANDARD_GRAVITY * constrained.START[0], constrained.START[3]) == pytest.approx(
-        constrained.PULL, abs=0.005
-    )
+    pull = np.hypot(STANDARD_GRAVITY * constrained.START[0], constrained.START[3])
+    assert pull == pytest.approx(constrained.PULL, abs=0.005)
 
 
 def test_braking_in_an_outage_is_no_rest():

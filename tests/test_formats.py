@@ -137,27 +137,28 @@ MCAP = {"plugin": StoragePlugin.MCAP}
 ULOG = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)
 
 
-def _ulog_message(kind, body):
-    return struct.pack("<HB", len(body), ord(kind)) + body
+def lay_ulog(path, fields, rows, topics=None):
+    """Lay out a ULog by PX4's description: fields of messages, rows, and topics by their number."""
+    parts = [("F", f"{name}:{given}".encode()) for name, given in fields.items()]
+    for k, (instance, name) in enumerate(topics or [(0, name) for name in fields]):
+        parts.append(("A", struct.pack("<BH", instance, k) + name.encode()))
+    parts += [("D", row) for row in rows]
+    packed = (struct.pack("<HB", len(body), ord(kind)) + body for kind, body in parts)
+    path.write_bytes(ULOG + b"".join(packed))
 
 
 def write_ulog(path, imus=1):
-    """Lay out a ULog by PX4's description of the format."""
-    fields = (
-        "uint64_t timestamp;float[3] gyro_rad;uint32_t gyro_integral_dt;"
-        "int32_t accelerometer_timestamp_relative;float[3] accelerometer_m_s2;"
-    )
+    """Write a sample."""
+    combined = "uint64_t timestamp;float[3] gyro_rad;uint32_t gyro_integral_dt;"
+    combined += "int32_t accelerometer_timestamp_relative;float[3] accelerometer_m_s2;"
     vector = "uint64_t timestamp;float x;float y;float z;float temperature;"
-    out = [ULOG, _ulog_message("F", f"sensor_combined:{fields}".encode())]
-    out.append(_ulog_message("F", f"sensor_gyro:{vector}".encode()))
-    out.append(_ulog_message("A", struct.pack("<BH", 0, 0) + b"sensor_combined"))
-    single = range(imus if imus > 1 else 0)
-    out += [_ulog_message("A", struct.pack("<BH", k, 1 + k) + b"sensor_gyro") for k in single]
+    rows, single = [], range(imus if imus > 1 else 0)
     for t, g, a in zip(T, GYRO, ACCEL, strict=True):
         us = int(1e6 * (10 + t))
-        out.append(_ulog_message("D", struct.pack("<HQ3fIi3f", 0, us, *g, 10000, 0, *a)))
-        out += [_ulog_message("D", struct.pack("<HQ4f", 1 + k, us, *g, 25.0)) for k in single]
-    path.write_bytes(b"".join(out))
+        rows.append(struct.pack("<HQ3fIi3f", 0, us, *g, 10000, 0, *a))
+        rows += [struct.pack("<HQ4f", 1 + k, us, *g, 25.0) for k in single]
+    topics = [(0, "sensor_combined"), *((k, "sensor_gyro") for k in single)]
+    lay_ulog(path, {"sensor_combined": combined, "sensor_gyro": vector}, rows, topics)
 
 
 def _form(kind, layout, name, code, columns):
@@ -509,10 +510,8 @@ def test_a_log_without_an_imu(tmp_path):
     bag, path = tmp_path / "log.mcap", tmp_path / "log.ulg"
     write_bag2_file(bag, topics=(), **MCAP)
     refused(CannotAnswer, r"without gyros.* it has /chatter \(8 rows\)", read, bag)
-    fields = _ulog_message("F", b"battery_status:uint64_t timestamp;float voltage;")
-    added = _ulog_message("A", struct.pack("<BH", 0, 0) + b"battery_status")
-    rows = [_ulog_message("D", struct.pack("<HQf", 0, 1000 * k, 12.0)) for k in range(100)]
-    path.write_bytes(b"".join([ULOG, fields, added, *rows]))
+    rows = [struct.pack("<HQf", 0, 1000 * k, 12.0) for k in range(100)]
+    lay_ulog(path, {"battery_status": "uint64_t timestamp;float voltage;"}, rows)
     refused(CannotAnswer, "it has battery_status: .*log one", read, path)
 
 
@@ -853,14 +852,10 @@ def test_a_ulog_whose_definition_is_damaged(tmp_path):
 @pytest.mark.parametrize("sampled", [lambda us: us - 100, lambda us: 0, lambda us: us // 10**7])
 def test_a_ulog_whose_times_of_sampling_are_none(sampled, tmp_path):
     """property: a driver leaves them at 0 or at an earlier one: no message is lost."""
-    fields = (
-        "uint64_t timestamp;uint64_t timestamp_sample;double latitude_deg;double longitude_deg;"
-    )
-    out = [ULOG, _ulog_message("F", f"sensor_gps:{fields}".encode())]
-    out.append(_ulog_message("A", struct.pack("<BH", 0, 0) + b"sensor_gps"))
-    for us in range(10**7, 11 * 10**7, 10**6):
-        out.append(_ulog_message("D", struct.pack("<HQQ2d", 0, us, sampled(us), 47.0, 8.0)))
-    (tmp_path / "log.ulg").write_bytes(b"".join(out))
+    fields = "uint64_t timestamp;uint64_t timestamp_sample;double latitude_deg;"
+    stamps = range(10**7, 11 * 10**7, 10**6)
+    rows = [struct.pack("<HQQ2d", 0, us, sampled(us), 47.0, 8.0) for us in stamps]
+    lay_ulog(tmp_path / "log.ulg", {"sensor_gps": f"{fields}double longitude_deg;"}, rows)
     np.testing.assert_allclose(read_moving([tmp_path / "log.ulg"]).gnss.t_s, np.arange(100.0))
 
 

@@ -62,13 +62,9 @@ def print_laps_of_every_kind():
         setup = Interpretation(form=form, start=start, **same).setup()
         found.append(laps(setup, 20, maps[name], sensors, seed=2))
     real = {name: terrain_data.lap_and_map(name) for name in terrain_data.laps("cw")}
-    own = {
-        "map_errors": {name: terrain_data.map_error(name) for name in real},
-        "runs": 2,
-        "seed": 2,
-    }
+    own = {"map_errors": {name: terrain_data.map_error(name) for name in real}}
     setup = Setup.reference(1500.0, every=10)
-    for of in [*found, *track_real_laps(real, sensors, setup, **own).values()]:
+    for of in [*found, *track_real_laps(real, sensors, setup, runs=2, seed=2, **own).values()]:
         print(of.lost().to_numpy().mean(), sha256(of.error.tobytes()).hexdigest())
 
 

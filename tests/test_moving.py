@@ -217,9 +217,8 @@ FAULTS = {  # what was done to so many epochs -> their lines, which lack fix and
         12, lambda date=date: epochs(5, date=date, fix=False) + epochs(*range(5, 12)), range(5), [],
         ["bogus or rolled over"]) for date in ("060180", "050104", "311299")},
 }  # fmt: skip
-STARTS = dict.fromkeys(
-    ("only GGA", "only GLL", "a short GGA", "a date rolled over")
-)  # where no date is said
+DATELESS = "only GGA", "only GLL", "a short GGA", "a date rolled over"
+STARTS = dict.fromkeys(DATELESS)
 # Of the old date's epochs, seven of twelve say the 12th.
 STARTS["a new date"], STARTS["the old date"] = (f"2024-06-1{k}T23:59:55.000+00:00" for k in (2, 1))
 
@@ -385,9 +384,8 @@ def test_a_unit_that_is_asked_for(tmp_path):
     holds(log.gnss, lon_deg=LON, speed_m_s=15)
     path = csv(tmp_path, "t_s,lat,lon", [row[:3] for row in rows])
     refused(WrongUsage, "by their size the positions are in radians", read_moving, [path])
-    holds(
-        read_moving([path], columns={"lat_deg": "lat", "lon_deg": "lon"}).gnss, lon_deg=rows[0][2]
-    )
+    log = read_moving([path], columns={"lat_deg": "lat", "lon_deg": "lon"})
+    holds(log.gnss, lon_deg=rows[0][2])
 
 
 @pytest.mark.parametrize(("unit", "size"), [
@@ -496,9 +494,8 @@ def test_what_makes_no_epoch(tmp_path):
 @pytest.mark.parametrize(("unit", "z"), [("deg/s", 9.81), ("rad/s", -9.81)])
 def test_a_gyroscope_in_degrees_is_no_phone(tmp_path, unit, z):
     """known case: x-io's header; phones give rad/s, and only their axes are turned."""
-    names = [f"Gyroscope {a} ({unit})" for a in "XYZ"] + [
-        f"Accelerometer {a} (m/s^2)" for a in "XYZ"
-    ]
+    names = [f"Gyroscope {a} ({unit})" for a in "XYZ"]
+    names += [f"Accelerometer {a} (m/s^2)" for a in "XYZ"]
     log = table(tmp_path, ",".join(["Time (s)", *names]), imu_rows(np.arange(20), -1.0))
     holds(log.imu, accel_b=[[0.01, 0.02, z] if z > 0 else [0.02, 0.01, z]] * 20)
 

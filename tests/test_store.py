@@ -215,19 +215,13 @@ def test_rows_of_a_channel_are_compared_among_themselves(tmp_path):
     assert words_alone == ["y, t.csv: column model differs"]
 
 
-@pytest.mark.parametrize(
-    "was, now, same",
-    [
-        ([0.120, 45.6, np.nan], [0.121, 45.6, np.nan], True),  # of three digits: neighbours
-        ([0.120, 45.6, np.nan], [0.122, 45.6, np.nan], False),
-        ([0.120, 45.6789], [0.121, 45.6789], False),  # another number has six digits
-        ([0.5, np.inf], [0.6, np.inf], False),
-        ([120, 7], [121, 7], False),  # counts
-        ([0.12, 0.0], [0.12, 0.001], False),
-        ([1.0, 45.6], [0.999, 45.6], True),
-        ([1.0, 45.6], [0.998, 45.6], False),
-    ],
-)
+@pytest.mark.parametrize(("was", "now", "same"), [
+    ([0.120, 45.6, np.nan], [0.121, 45.6, np.nan], True),  # of three digits: neighbours
+    ([0.120, 45.6, np.nan], [0.122, 45.6, np.nan], False),
+    ([0.120, 45.6789], [0.121, 45.6789], False),  # another number has six digits
+    ([0.5, np.inf], [0.6, np.inf], False), ([120, 7], [121, 7], False),  # counts
+    ([0.12, 0.0], [0.12, 0.001], False), ([1.0, 45.6], [0.999, 45.6], True),
+    ([1.0, 45.6], [0.998, 45.6], False)])  # fmt: skip
 def test_a_table_of_few_digits_agrees_to_its_last_one(tmp_path, was, now, same):
     """analytic: two processors round a number on an edge to either neighbour, and no further."""
     for name, values in (("old", was), ("new", now)):

@@ -194,10 +194,8 @@ def test_what_is_left_of_a_mounting():
     roll = np.where(wrong, 25.0, -0.4 + 0.1 * (speed - 10))
     yaw = np.degrees(course + bend * speed * DT / 2) + 0.7 + 40 * bend
     angles = np.column_stack([yaw, np.degrees(np.arctan(grade)) + 0.3, roll])
-    lap, good = (
-        placed(middle, angles, [(2.5, 0, 0), (0, -0.7, 0), (0, 0.7, 0)]),
-        ~(slow | tight | ends),
-    )
+    lap = placed(middle, angles, [(2.5, 0, 0), (0, -0.7, 0), (0, 0.7, 0)])
+    good = ~(slow | tight | ends)
     expected = 0.7, 0.3, np.average(roll[good], weights=speed[good])
     found = antennas.residuals(lap, antennas.AntennaMounting(), DT)
     assert found == pytest.approx(expected, abs=0.02)
