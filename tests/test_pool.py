@@ -200,7 +200,7 @@ def test_a_floor_of_some_units_is_said(tmp_path, capsys):
     walk = np.cumsum(np.random.default_rng(8).standard_normal((3000, 2)), axis=0) / 30
     logs = [write(tmp_path / f"{s}.csv", s, change=lambda xy: xy + walk) for s in range(2)]
     for more in ([], [write(tmp_path / "9.csv", 9)]):
-        found, _ = pooled(capsys, tmp_path / f"{len(more)}", *logs, *more)
+        found, _ = pooled(capsys, tmp_path / f"{len(more)}", *logs, *more, "--columns", "gyro_x")
         B = found["channels"][0]["parameters"]["bias_instability"]
         assert B["resolved"] == (not more)
         some = said("floor_of_some", seen=2, count=2 + len(more))
@@ -291,7 +291,7 @@ def test_two_runs_do_not_write_into_one_folder(tmp_path, capsys):
     with pages.folder(out) as draft:
         (draft / "pooled.json").touch()
         refused(WrongUsage, "another run writes there", pages.folder(out).__enter__)
-    pooled(capsys, out, *logs)
+    pooled(capsys, out, *logs, "--columns", "gyro_x")
 
 
 @pytest.mark.parametrize("dead", [("b.csv",), ("a.csv", "b.csv")])
