@@ -365,12 +365,3 @@ def test_figures_come_in_threes():
     expected |= {f"{name}.csv" for name in REGISTERS}
     assert expected <= files <= expected | {f"{name}.lock" for name in REGISTERS}
     assert {n.split("-")[0] for n in names} <= {path.stem.split("-")[0] for path in NOTEBOOKS}
-
-
-def test_coverage_names_the_figures_there_are():
-    """property: the register names figures that are there, and waits for no notebook that is."""
-    coverage = pd.read_csv(ROOT / "data" / "published" / "coverage.csv", keep_default_na=False)
-    names = set(";".join(coverage["figures"]).split(";")) - {""}
-    assert names <= {path.stem for path in FIGURES.glob("*.pdf")}
-    waiting = coverage["notebook"][coverage["reason"] == "not yet run"]
-    assert not {*waiting} & {path.stem for path in NOTEBOOKS}
