@@ -94,16 +94,17 @@ def test_the_cascade_is_three_dense_filters():
             x[0], off = tilt, f + g * tilt
             mean = mean + dt * (off - mean)
         down, m, across, spin = x[0], sums[1:] / n, unit - np.outer(x[0], x[0]), None
+        x[1] = across @ x[1] / np.linalg.norm(across @ x[1])  # a rotation about a level axis
         assert block.yaw_rate == pytest.approx((m[0] - b) @ down, abs=1e-9)
         heading = rng.uniform(-3.0, 3.0) if k % 3 else None
         B, vehicle = B + unit * T * block_2.BIAS_WALK**2, [None, 0.04, 4.0, 0.0][k // n % 4]
         block.epoch(**static, heading=heading, vehicle=vehicle)
         if heading is not None:
-            yaw, R, known = np.array(north(down, heading)), 0.01 * unit, across @ x[1]
+            yaw, R = np.array(north(down, heading)), 0.01 * unit
             if k > 41:  # not the first
                 yaw, R = kalman.update(x[1], P[1], yaw, unit, R)
                 yaw /= np.linalg.norm(yaw)
-                spin = down @ np.cross(known / np.linalg.norm(known), yaw) / T
+                spin = down @ np.cross(x[1], yaw) / T
             x[1], P[1] = yaw, R
         R = unit * 0.05**2 / T
         if static:
@@ -141,7 +142,7 @@ def test_north_inverts_the_euler_angles(roll, pitch, heading):
 def test_the_first_second_is_rest_or_not(scatter, length, dt):
     """analytic: down is against the mean force, yaw counts from there; of a rest Bayes' bias.
 
-    Restarted later, both are what a rest says.
+    Restarted later, both are what a rest says, and the heading is what it was.
     """
     block, g, mean = Attitude(), STANDARD_GRAVITY, np.array([0.05, -0.01, 0.03])
     still, n = scatter < 1 and abs(length - 1) < 0.1, max(round(1 / dt), 3)
@@ -160,7 +161,9 @@ def test_the_first_second_is_rest_or_not(scatter, length, dt):
     for of in (block.tilt, block.yaw):
         assert of.density == pytest.approx(3e-4**2 + 10.0 * (rest if still else prior))
     level = block.tilt.p
+    block.yaw.start(north(block.down, 2.0), 0.1)
     block.restart([0.0, 3.0, -4.0], mean)
+    assert block_2.angles(block.C_nb)[2] == pytest.approx(2.0)
     assert block.down == pytest.approx([0.0, -0.6, 0.8]) and beyond_gnss(block) == 0.0
     assert block.bias.x == mean.tolist() and block.bias.P[2][2] == pytest.approx(rest)
     assert block.tilt.p == pytest.approx((block_2.SIGMA_ACCEL / g) ** 2)
@@ -248,7 +251,8 @@ def test_bias_is_found_without_ever_standing():
 def test_a_turning_sensor_is_followed():
     """analytic: rolling and pitching by 20 deg to half a degree; the first heading sets yaw.
 
-    A turn of 90 deg after it comes from the gyro.
+    A turn of 90 deg after it comes from the gyro. What corrects the tilt turns yaw along: degree by
+    degree about a level axis, the whole attitude is off by 1e-4 of each at most, not by 4 deg.
     """
     rng, t = np.random.default_rng(2), np.arange(0, 40, 1 / RATE)
     roll, pitch = 20 * np.where(t > 5, [np.sin(t - 5), np.cos(t - 5) - 1], 0.0)
@@ -260,6 +264,14 @@ def test_a_turning_sensor_is_followed():
     off = np.degrees(found) - angles[RATE - 1 :: RATE]
     assert np.abs(off[:, :2]).max() < 0.5 and np.abs(off[6:, 2]).max() < 1.0
     assert np.isnan(off[:6, 2]).all() and block.heading_known
+    C = np.array(block.C_nb)
+    turn = Rotation.from_rotvec(math.radians(1.0) * C.T @ [0.6, 0.8, 0.0]).as_matrix()
+    for _ in range(30):
+        C = C @ turn
+        block.tilt.start(C[2], 0.01)
+        block.imu(block.bias.x, -STANDARD_GRAVITY * C[2], 1e-6)
+        block.epoch()
+    np.testing.assert_allclose(block.C_nb, C, atol=30e-4)
 
 
 def test_a_gyro_sampled_too_seldom_is_not_believed():

@@ -129,9 +129,14 @@ class Attitude:
         add(self._turned, cross(before, after))  # rotation that the tilt filter had to add
 
     def restart(self, force, rate):
-        """Read tilt and bias again from means at rest (sequences of 3, m/s^2 and rad/s)."""
+        """Read tilt and bias again from means at rest (sequences of 3, m/s^2 and rad/s).
+
+        Gravity shows no heading. Courses gave it to the X axis as the tilt was: so it stays there.
+        """
+        ahead, right = level(self.yaw.x, self.down)
         self.bias.start(rate, SIGMA_BIAS_REST)
         self.tilt.start(opposite(force), SIGMA_ACCEL / STANDARD_GRAVITY)
+        self.yaw.x = north(self.down, math.atan2(-right, ahead))
         self._mean_external = [0.0] * 3
 
     def epoch(self, static=False, heading=None, sigma=0.1, vehicle=None):
@@ -155,12 +160,11 @@ class Attitude:
             self.tilt.start(self.tilt.x, 0.1)
         if not self.ready or not self._samples:
             return
-        down = self.down
-        spin = None
+        down, spin = self.down, None
+        before = self.yaw.x = self.C_nb[0]  # turned along with what corrected the tilt
         if heading is not None:
             target = north(down, heading)
             if self.heading_known:
-                before = self._north(down)
                 spin = dot(cross(before, self.yaw.update(target, sigma * sigma)), down)
             else:
                 self.yaw.start(target, sigma)
@@ -173,7 +177,8 @@ class Attitude:
     def C_nb(self):
         """Rotation from body to north, east, down: its rows are those axes in body axes."""
         down = self.down
-        n = self._north(down)
+        n = plus(self.yaw.x, -dot(self.yaw.x, down), down)  # made square to down
+        n = unit(n) if dot(n, n) >= ON_END else north(down, 0.0)  # it has been put on end
         return [n, cross(down, n), down]
 
     @property
@@ -199,9 +204,9 @@ class Attitude:
     @property
     def accel_n(self):
         """Acceleration (m/s^2), gravity off, north, east, down."""
-        down, a = self.down, self._external
-        n = self._north(down)
-        return dot(n, a), dot(cross(down, n), a), dot(down, a)
+        a = self._external
+        n, e, d = self.C_nb
+        return dot(n, a), dot(e, a), dot(d, a)
 
     def _accel_variance(self, dt):
         """Variance of the accelerometer as a measurement of the vertical in motion, (m/s^2)^2.
@@ -219,16 +224,6 @@ class Attitude:
         return (
             SIGMA_ACCEL * SIGMA_ACCEL + dot(shaken, shaken) + lasting * (2 * EXTERNAL_CORR_S / dt)
         )
-
-    def _north(self, down):
-        """North made square to down."""
-        k = dot(self.yaw.x, down)
-        level_north = [n - k * d for n, d in zip(self.yaw.x, down)]
-        square = dot(level_north, level_north)
-        if square < ON_END:  # the sensor has been put on end
-            return north(down, 0.0)
-        scale = 1 / math.sqrt(square)
-        return [n * scale for n in level_north]
 
     def _align(self, accel_b):
         """Read the first attitude, and the gyro's bias if it lay still, from the first second."""
@@ -274,8 +269,7 @@ class Attitude:
         if self._vehicle is not None:
             noise = SIGMA_BIAS_MOVING * (1 + self._vehicle)
             turned = [b + t / seconds for b, t in zip(self.bias.x, self._turned)]
-            ahead = self._north(down)
-            for axis in (ahead, cross(down, ahead)):
+            for axis in (self.yaw.x, cross(down, self.yaw.x)):
                 self.bias.update(axis, dot(axis, turned), noise * noise / seconds)
         if spin is not None:
             measured = dot(down, self.bias.x) + spin / seconds
@@ -304,7 +298,7 @@ class Direction:
 
     Attributes
     ----------
-    x : tuple of 3 floats
+    x : sequence of 3 floats
     p : float
         The covariance is p times the unit matrix.
     """

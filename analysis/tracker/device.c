@@ -479,7 +479,7 @@ static void attitude_start(Attitude *b) { // Attitude.__init__
   bias_start(&b->bias, none, ATTITUDE_SIGMA_BIAS_START);
 }
 
-static void attitude_north(const Attitude *b, number out[3]) {
+static void attitude_north(const Attitude *b, number out[3]) { // first axis of Attitude.C_nb
   const number *down = b->tilt.x;
   number k = dot(b->yaw.x, down);
   EACH(i, 3) out[i] = b->yaw.x[i] - k * down[i];
@@ -598,15 +598,17 @@ static void attitude_imu(Attitude *b, const number gyro[3], const number accel[3
 }
 
 static void attitude_restart(Attitude *b, const number force[3], const number rate[3]) {
-  number down[3];
+  number down[3], ahead, right;
+  level(b->yaw.x, b->tilt.x, &ahead, &right);
   bias_start(&b->bias, rate, ATTITUDE_SIGMA_BIAS_REST);
   opposite(down, force);
   direction_start(&b->tilt, down, ATTITUDE_SIGMA_ACCEL / GRAVITY);
+  north_of(b->yaw.x, down, arctangent(-right, ahead));
   zero(b->mean_external);
 }
 
 static void attitude_correct_bias(Attitude *b, bool is_static, const number down[3], number spin) {
-  number seconds = b->seconds, scale = 1 / R(b->samples), mean[3], variance[3], turned[3], axis[3];
+  number seconds = b->seconds, scale = 1 / R(b->samples), mean[3], variance[3], turned[3], right[3];
   if (is_static) {
     EACH(k, 3) {
       mean[k] = b->gyro[k] * scale;
@@ -619,10 +621,9 @@ static void attitude_correct_bias(Attitude *b, bool is_static, const number down
   if (known(b->vehicle)) {
     number noise = ATTITUDE_SIGMA_BIAS_MOVING * (1 + b->vehicle);
     EACH(k, 3) turned[k] = b->bias.x[k] + b->turned[k] / seconds;
-    attitude_north(b, axis);
-    bias_update(&b->bias, axis, dot(axis, turned), noise * noise / seconds);
-    cross(axis, down, axis);
-    bias_update(&b->bias, axis, dot(axis, turned), noise * noise / seconds);
+    cross(right, down, b->yaw.x);
+    bias_update(&b->bias, b->yaw.x, dot(b->yaw.x, turned), noise * noise / seconds);
+    bias_update(&b->bias, right, dot(right, turned), noise * noise / seconds);
   }
   if (known(spin)) {
     number measured = dot(down, b->bias.x) + spin / seconds;
@@ -649,19 +650,17 @@ static void attitude_epoch(Attitude *b, bool is_static, number heading, number s
                            number vehicle) {
   b->vehicle = vehicle;
   if (b->has_before && known(heading)) {
-    number down[3];
-    copy(down, b->tilt.x);
     b->bias = b->before;
-    direction_start(&b->tilt, down, R(0.1));
+    direction_start(&b->tilt, b->tilt.x, R(0.1));
   }
   b->has_before = false;
   if (!b->ready || !b->samples) return;
-  number down[3], target[3], before[3], spin = NONE;
-  copy(down, b->tilt.x);
+  number *down = b->tilt.x, target[3], before[3], spin = NONE;
+  attitude_north(b, b->yaw.x);
   if (known(heading)) {
     north_of(target, down, heading);
     if (b->heading_known) {
-      attitude_north(b, before);
+      copy(before, b->yaw.x);
       direction_update(&b->yaw, target, sigma * sigma);
       cross(before, before, b->yaw.x);
       spin = dot(before, down);
