@@ -42,6 +42,7 @@ from workbench import comparison
 from workbench.pages import TEXTS, Said, phrase
 
 HOME = (46.2, 6.1, 400.0)
+START = datetime(2024, 5, 1, 10, tzinfo=UTC).timestamp()
 NONE, NAN = np.empty(0), np.nan
 
 
@@ -295,8 +296,9 @@ def test_a_clock_by_attitudes_alone():
     refused(CannotAnswer, neither, clock_offset, a, track(t, still, name="b"))
 
 
-AHEAD = "18 leap seconds (a in GPS time, b in UTC)"
-LATE = "18 leap seconds (a in UTC time, b in GPS)"
+AHEAD = "18 leap seconds, as since 2017 (a in GPS time, b in UTC)"
+LATE = "18 leap seconds, as since 2017 (a in UTC time, b in GPS)"
+SINCE = ", as since 2017"
 EPOCH = "seconds since 1970 against seconds since the GPS epoch of 1980"
 
 
@@ -313,16 +315,23 @@ EPOCH = "seconds since 1970 against seconds since the GPS epoch of 1980"
 def test_known_offsets_are_named(offset, said, undated):
     """analytic: time zones, leap seconds, days and the GPS epoch, alone and together.
 
-    Of a log without a date days say nothing, unless neither has one.
+    Of a log without a date days say nothing, unless neither has one. Leap seconds are those of the
+    date of a log that has one: of 2014 there are 16, and 18 s are none.
     """
-    a = track(NONE, np.empty((0, 2)))
+    a = track(np.array([START]), np.zeros((1, 2)))
     b, dated = replace(a, name="b"), replace(a, clock="unix")
     found = Estimate(offset, offset - 0.1, offset + 0.1, "s")
     by_gps = "a" if AHEAD in said else "b" if LATE in said else ""
     assert named_offset(found, a, b) == (said, False, by_gps)
     named, *others = named_offset(found, dated, b)
-    assert named.replace("apart from days, ", "") == (undated or said)
+    assert named.replace("apart from days, ", "") == (undated or said).replace(SINCE, "")
     assert others == [True, by_gps]
+    if said in (AHEAD, LATE):
+        then = replace(dated, t_s=dated.t_s - 10 * 365 * 86400)
+        assert named_offset(found, then, replace(then, name="b")) == ("", False, "")
+        of_2014 = found.value - np.sign(found.value) * 2
+        then = named_offset(replace(found, value=of_2014, low=of_2014 - 0.1), then, b)
+        assert then == (said.replace(SINCE, "").replace("18", "16"), True, by_gps)
 
 
 @pytest.mark.parametrize("width", [1, 2])
@@ -400,23 +409,39 @@ def test_a_distance_is_as_uncertain_as_the_clock():
     for rng in map(np.random.default_rng, np.random.SeedSequence(3).spawn(10)):
         speed, side = gauss_markov(len(t), 1.0, 0.5, 30.0, rng, runs=2)
         place = np.column_stack([np.cumsum(25 + speed), np.cumsum(2 * side)])
-        logs = [unit(t, place + gauss_markov(len(t), 1.0, 1.0, 20.0, rng, runs=2).T) for _ in "ab"]
+        logs = [unit(t, place + gauss_markov(len(t), 1.0, 1.0, 10.0, rng, runs=2).T) for _ in "ab"]
         found = side_by_side(named(*logs)).pairs[0].metrics
-        held.append([found[k].low <= v <= found[k].high for k, v in CLOSE.items()])
-    assert (np.mean(held, axis=0) >= 0.9).all(), np.mean(held, axis=0)
+        held.append([holds(found[k], v) for k, v in CLOSE.items()])
+    assert (np.nanmean(held, axis=0) >= 0.9).all() and np.isfinite(held).mean() > 0.8, held
 
 
 CLOSE = {"p50_m": np.sqrt(2 * 2 * np.log(2)), "along_rms_m": np.sqrt(2)}  # of two of 1 m
 
 
-def test_a_unit_that_stops_half_way_is_said_to():
-    """property: 600 s against 300 s, whichever is first; nothing is said of 540 s and more."""
-    a, b = pair(np.random.default_rng(8), sigma=0.3, corr_time=5.0, rates=(2, 1))
-    for stop, said in ((300.0, "over the 29[0-9] s that both have"), (570.0, None)):
-        early = changed(b, **{k: v[b.gnss.t_s < stop] for k, v in vars(b.gnss).items()})
-        for logs in ({"a": a, "b": early}, {"b": early, "a": a}):
-            notes = [n for n in side_by_side(logs).notes if "that both have" in n]
-            assert len(notes) == bool(said) and all(re.search(said, n) for n in notes)
+@pytest.mark.parametrize(("stop", "parks"), [(300.0, False), (570.0, False), (400.0, True)])
+def test_a_unit_that_stops_half_way_is_said_to(stop, parks):
+    """property: 600 s against 300 s, whichever is first; nothing is said of 540 s and more.
+
+    A log that ends, or one whose position stays the same to the end; not where the other parks too.
+    """
+    a, b = pair(np.random.default_rng(8), offset=5.0, sigma=0.3, corr_time=5.0, rates=(2, 1))
+    early = changed(b, **{k: v[b.gnss.t_s < stop] for k, v in vars(b.gnss).items()})
+    stays, a = stopped(b, stop), stopped(a, stop + 5.0) if parks else a
+    for order, log in ((order, log) for order in ("ab", "ba") for log in (early, stays)):
+        found = side_by_side({name: {"a": a, "b": log}[name] for name in order})
+        over = [n for n in found.notes if re.search("over the (29|30)[0-9] s that both have", n)]
+        stop_said = [n for n in found.notes if re.match("b stops for good (29|30)[0-9] s after", n)]
+        held = [e for e in found.events if (e.unit, e.kind) == ("b", "hold") and e.size > 4]
+        assert len(held) == (log is stays and not parks)  # a moves on by 3 m
+        assert len(over) == (stop < 400) and len(stop_said) == (stop < 400 and log is stays)
+        assert abs(abs(found.clocks[0].offset_s.value) - 5.0) < 0.1
+        assert (found.pairs[0].metrics["max_m"].value < 10) == (stop < 500 or log is early)
+
+
+def stopped(log, at):
+    """Let the position of a log stay the same from a time on."""
+    k = np.minimum(np.arange(len(log.gnss.t_s)), np.searchsorted(log.gnss.t_s, at) - 1)
+    return changed(log, lat_deg=log.gnss.lat_deg[k], lon_deg=log.gnss.lon_deg[k])
 
 
 def test_heights_do_not_move_a_position():
@@ -432,50 +457,64 @@ def test_heights_do_not_move_a_position():
         np.testing.assert_allclose(b.enu[:, :2], a.enu[:, :2], atol=2e-3)  # of 1e-8 deg
 
 
-def test_metrics_hold_the_truth():
-    """coverage: 95 % intervals of each metric hold it in 90 to 99 % of 200 logs (1.5 % s.e.).
+@pytest.mark.parametrize(("seconds", "corr_time", "given"), [
+    (3600, 20.0, 0.98), (600, 20.0, 0.5), (600, 100.0, 0.0),
+])  # fmt: skip
+def test_metrics_hold_the_truth(seconds, corr_time, given):
+    """coverage: 95 % intervals at 1 Hz, 200 logs (1.5 % s.e.); of all at most 9 % do not hold.
 
-    An hour at 1 Hz of errors with a correlation time of 20 s: about 90 independent positions.
+    Of the intervals of 180 correlation times 90 to 99 % hold, of those of 30 88 % and more (2 %
+    s.e.), and so many are given; of 6 nearly none is. Of 30 the 2DRMS held in 85 %.
     """
-    held, t, none = [], np.arange(3600.0), np.full(3600, np.nan)
+    held, t, none = [], np.arange(float(seconds)), np.full(seconds, np.nan)
     truth = {"p50_m": 1.17741, "p95_m": 2.44775, "drms2_m": 2 * np.sqrt(2)}  # sigma 1 m, Rayleigh
     truth |= {"cep_m": 1.17741, "r95_m": 2.44775, "along_rms_m": 1.0, "cross_rms_m": 2.0}
     truth |= {"height_mean_m": 5.0, "height_sd_m": 1.0, "yaw_mean_deg": -4.0, "yaw_sd_deg": 1.0}
     truth |= {"yaw_rms_deg": np.sqrt(17), "yaw_p50_deg": 0.67449, "yaw_p95_deg": 1.95996}
     for rng in map(np.random.default_rng, np.random.SeedSequence(7).spawn(200)):
-        *enu, along, cross, yaw = gauss_markov(len(t), 1.0, 1.0, 20.0, rng, runs=6)
+        *enu, along, cross, yaw = gauss_markov(len(t), 1.0, 1.0, corr_time, rng, runs=6)
         enu, angles = np.add(np.transpose(enu), [0, 0, 5]), np.stack([none, none, yaw - 4], axis=1)
         d = Differences(t, enu, along, 2 * cross, t, t, t, angles, t)
         found = trajectory_metrics(d)
         assert found.keys() == truth.keys() | {"max_m"}
-        held.append([found[k].low <= v <= (found[k].high or np.inf) for k, v in truth.items()])
+        held.append([holds(found[k], v) for k, v in truth.items()])
         most = found["max_m"]
         assert (most.value, most.low, most.high) == (*[np.hypot(*enu.T[:2]).max()] * 2, None)
         assert all(found[k].unit == k.split("_")[-1] for k in found)
-    share = dict(zip(truth, np.mean(held, axis=0), strict=True))
-    assert all(0.90 <= of <= 0.99 for of in share.values()), share
+    assert (np.isfinite(held).mean(axis=0) >= given).all() and np.equal(held, 0).sum(
+        axis=0
+    ).max() <= 18
+    if given:
+        share = dict(zip(truth, np.nanmean(held, axis=0), strict=True))
+        assert all((0.90 if given > 0.9 else 0.88) <= of <= 0.99 for of in share.values()), share
     back = trajectory_metrics(replace(d, attitude=wrap(angles + 184)))  # a sensor set in backwards
     assert abs(wrap(back["yaw_mean_deg"].value - found["yaw_mean_deg"].value - 184)) < 1e-9
     for k in ("yaw_sd_deg", "yaw_p50_deg", "yaw_p95_deg"):
-        np.testing.assert_allclose(triple(back[k]), triple(found[k]))
+        assert back[k].value == pytest.approx(found[k].value)
+        assert back[k].high == pytest.approx(found[k].high)
     assert not trajectory_metrics(replace(d, t_s=t[:9], enu=enu[:9], attitude=angles[:9]))
-    assert normal_factor(2.0) == student.ppf(0.975, 1.0)  # of so few, at least one degree
-    few = root_mean_square(np.linspace(1.0, 2.0, 300), "m")  # what wanders slowly has few
-    assert few.low is quantile(t[:300], 0.5, "m").low is None and "too few" in few.note
 
 
-def test_a_short_log_does_not_make_a_standard_deviation_sharper():
-    """coverage: 95 % intervals hold it in 87 % of 300 logs of 600 s (1.8 % s.e.; it was 82).
+def holds(e, truth):
+    """Tell whether an interval holds the truth; NaN where none is given."""
+    return NAN if e.low is None else float(e.low <= truth <= (e.high or np.inf))
+
+
+def test_an_interval_by_few_and_by_even_values():
+    """analytic: at least one degree of freedom; what wanders slowly has none; twice as N grows.
 
     Squares count as of Gaussian values at least: of uniform ones, whose squares scatter less, too.
     """
-    logs = map(np.random.default_rng, np.random.SeedSequence(11).spawn(300))
-    found = [root_mean_square(x - x.mean(), "m") for x in (
-        gauss_markov(600, 1.0, 1.0, 20.0, rng, runs=1)[0] for rng in logs
-    )]  # fmt: skip
-    assert np.mean([e.low <= 1.0 <= e.high for e in found]) >= 0.87
-    even = root_mean_square(np.random.default_rng(1).uniform(-1, 1, 4000), "m")
-    assert np.log(even.high / even.low) / 2 == pytest.approx(1.96 / np.sqrt(2 * 4000), rel=0.1)
+    assert normal_factor(2.0) == student.ppf(0.975, 1.0)
+    few = root_mean_square(np.linspace(1.0, 2.0, 300), "m")
+    wide = quantile(np.arange(300.0), 0.5, "m")
+    assert few.low is wide.low is None and "too few" in few.note and few.value > 1.5
+    x = np.random.default_rng(1).uniform(-1, 1, (2, 4000))
+    for of, n in ((x[0], 4000), (x, 8000)):
+        even = root_mean_square(of, "m", about_mean=True)
+        assert np.log(even.high / even.low) / 2 == pytest.approx(1.96 / np.sqrt(2 * n), rel=0.1)
+        assert even.value**2 == pytest.approx(len(np.atleast_2d(of)) / 3, rel=0.03)
+    assert root_mean_square(np.zeros(300), "m").value == 0.0
 
 
 def test_a_noisy_drive_has_no_events_but_a_jump_of_many_deviations():
@@ -874,9 +913,6 @@ def test_what_is_about_the_mean_says_so():
     assert phrase(Said("apart", about)).endswith("roll about its mean, half are within")
 
 
-START = datetime(2024, 5, 1, 10, tzinfo=UTC).timestamp()  # of the log below
-
-
 def test_compare_writes_the_contract(tmp_path, monkeypatch):
     """property: a log in UTC and one of the catalogue; all keys of the contract; events in UTC."""
     a, b = pair(np.random.default_rng(12), seconds=300, offset=-3600.0, sigma=0.5, corr_time=5.0)
@@ -930,14 +966,13 @@ def test_events_are_in_utc_by_a_clock_that_drifts():
     assert said["a", "loss"] == ["10:00:40.0", "10:00:50.0"]
     assert said["b", "loss"] == ["10:14:20.0", "10:14:30.0"]
     assert told["content"]["time_zero_utc"].startswith("2024-05-01T10:00:0")
-    # A first unit in GPS time, as its offset from one in UTC says.
-    a, b = pair(rng, seconds=300, offset=18.0, sigma=0.1, corr_time=5.0)
-    units = {"a": replace(a, zero_s=START + 18), "b": replace(b, zero_s=START + 18)}
-    units = {name: replace(log, clock="unix") for name, log in units.items()}
-    for names in ("ab", "ba"):
-        given = {name: units[name] for name in names}
+    # A first unit in GPS time, as its offset from one in UTC says; ten years before by 16 s.
+    for names, start, leap in (("ab", START, 18), ("ba", START - 10 * 365 * 86400, 16)):
+        of = pair(rng, seconds=300, offset=float(leap), sigma=0.1, corr_time=5.0)
+        of = {name: replace(u, zero_s=start + leap, clock="unix") for name, u in named(*of).items()}
+        given = {name: of[name] for name in names}
         told = comparison._told(side_by_side(given), given)
-        assert told["zero"].timestamp() == pytest.approx(START + 2, abs=0.1)
+        assert told["zero"].timestamp() == pytest.approx(start + 2, abs=0.1)
         assert told["by_gps"] == {"a"}
 
 

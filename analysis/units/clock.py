@@ -10,8 +10,10 @@ with a lever arm l (body axes) and a shift of datum c, which would otherwise be 
 """
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 import numpy as np
+from pynmeagps import leapsecond
 from scipy.signal import correlation_lags, fftconvolve
 from scipy.stats import chi2
 
@@ -37,11 +39,13 @@ SAME_M = 25.0  # median difference, constant shift taken out, that is always all
 # More is allowed as far as the receivers' own errors go, which show across the track, where neither
 # clock nor pace counts; but not of two roads, which differ across the track as far as they extend.
 OWN_ERRORS, OF_EXTENT = 2.0, 0.01  # times the scatter across the track; share of the extent
+CHANCE = 25.0  # gain that no lag of a thousand has by chance: chi-square of one degree, P = 6e-7
 KNOWN = 3.0  # standard errors by which two velocities must have changes of speed in common
 FEWEST_SAMPLES = 20  # of common attitudes
 THIN_S = 1.0  # between epochs when lags are compared
 ENOUGH_S = 1e-4  # step at which the refinement ends
-HOUR_S, LEAP_S, GPS_EPOCH_S = 3600.0, 18.0, 315_964_800.0
+HOUR_S, GPS_EPOCH_S = 3600.0, 315_964_800.0
+SINCE_2017 = 1_483_228_800.0  # the date assumed for the leap seconds of logs without one
 
 
 @dataclass(frozen=True)
@@ -61,7 +65,7 @@ class Clock:
     undated : bool
         One of the two logs has no date, so that days of the offset mean nothing.
     by_gps : str
-        The unit that is 18 leap seconds ahead of the other; empty where the offset has none.
+        The unit that is the leap seconds of its date ahead of the other; empty where none is.
     """
 
     offset_s: Estimate
@@ -104,6 +108,7 @@ def clock_offset(a: Track, b: Track) -> Clock:
         raise CannotAnswer(f"{both} share neither positions nor an attitude: nothing to compare")
     use = np.isfinite(a.attitude).any(axis=0) & np.isfinite(b.attitude).any(axis=0)
     signals = [_signal(t, by_position, use) for t in (a, b)]
+    stamps = _stamps(*(t for t, _ in signals))
     least = LEAST_M if by_position else LEAST_DEG_S
     for track, (_, x) in zip((a, b), signals, strict=True):
         if not _size(x) > least:
@@ -119,7 +124,7 @@ def clock_offset(a: Track, b: Track) -> Clock:
     if not (fits if by_position else lags):
         raise CannotAnswer(
             f"{both} have no {LEAST_S:.0f} s of common motion at any clock offset: they did not "
-            f"travel together, or one of them hardly moves{_stamps(a, b)}"
+            f"travel together, or one of them hardly moves{stamps}"
         )
     if not by_position:
         return _by_attitude(a, b, lags[0], use)
@@ -129,15 +134,15 @@ def clock_offset(a: Track, b: Track) -> Clock:
     best = _refined(a, b, best.offset.value or 0.0) or best
     extent = min(_size(x) for _, x in signals)
     same_m = max(SAME_M, min(OWN_ERRORS * best.cross, OF_EXTENT * extent))
-    # Elsewhere a short stretch of another road bends alike: a datum shifts more than that.
-    part = best.common_s < SHARE * min(np.ptp(t) for t, _ in signals)
-    away = best.scatter > same_m or (part and best.apart > same_m)
+    # Elsewhere a stretch of another road bends alike: what a datum and the stamps speak against
+    # has to be passed at one pace.
+    away = best.scatter > same_m or ((stamps or best.apart > same_m) and best.gain < CHANCE)
     if away or best.along > max(ALONG_M, SAME_JOURNEY * best.cross):
         raise CannotAnswer(
             f"{both} were not on one journey at one time: at the best clock offset "
             f"({best.offset.value:.0f} s, {best.common_s:.0f} s in common) they are "
             f"{best.apart:.0f} m apart, and about their usual difference still differ by "
-            f"{best.along:.0f} m along the track and {best.cross:.0f} m across{_stamps(a, b)}"
+            f"{best.along:.0f} m along the track and {best.cross:.0f} m across{stamps}"
         )
     return Clock(best.offset, best.drift, best.middle, *named_offset(best.offset, a, b))
 
@@ -163,10 +168,9 @@ def stands_still(track: Track) -> bool:
     return not _size(_signal(track, by_position)[1]) > (LEAST_M if by_position else LEAST_DEG_S)
 
 
-def _stamps(a, b):
+def _stamps(t, other):
     """Say by how much the stamps of two units miss each other, where they do."""
-    (start, stop), (begin, end) = a.span, b.span
-    gap = max(begin - stop, start - end)
+    gap = max(other[0] - t[-1], t[0] - other[-1])
     return f"; by their stamps {gap:.0f} s lie between them" if gap > 0 else ""
 
 
@@ -180,6 +184,7 @@ class _Fit:
     along: float
     cross: float
     common_s: float
+    gain: float  # of log likelihood, twice, by the velocities
 
 
 def _best_lags(one, other, least) -> list[float]:
@@ -214,13 +219,20 @@ def _best_lags(one, other, least) -> list[float]:
     shorter = min(w.sum() for w in masks)
     enough &= np.minimum(*motion) * n > SHARE**2 * mean_motion * shorter
     shifts = correlation_lags(*map(len, masks))
-    # Lin's concordance (1989): a correlation that knows of scale; then the gain of log likelihood,
-    # for which a longer common time counts for more.
-    alike = np.clip(1 - variance / np.maximum(motion[0] + motion[1], 1e-12), 0.0, 1 - 1e-12)
-    gain = np.where(enough, -n * np.log(1 - alike**2), 0.0)
+    gain = np.where(enough, _gain(n, variance, motion[0] + motion[1]), 0.0)
     highest = (gain >= np.roll(gain, 1)) & (gain >= np.roll(gain, -1)) & (gain > 0)
     best = np.flatnonzero(highest)[np.argsort(-gain[highest], kind="stable")][:8]
     return [one[0][0] - other[0][0] + step * float(shifts[k]) for k in best]
+
+
+def _gain(n, difference, motion):
+    """Gain of log likelihood, twice, by what n values of two signals share; more for more values.
+
+    By Lin's concordance (1989), a correlation that knows of scale: from the variance of the
+    difference and the sum of both variances.
+    """
+    alike = np.clip(1 - difference / np.maximum(motion, 1e-12), 0.0, 1 - 1e-12)
+    return -n * np.log(1 - alike**2)
 
 
 def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
@@ -243,7 +255,7 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
         # At a standstill the direction is unknown: the lever arm counts from walking pace up.
         heading = v / np.maximum(speed, 1e-9)[:, None] * (speed > 1.0)[:, None]
         axes, middle = lever_and_shift(heading), float(t.mean())
-        v = _shared(v, other, axes, d)
+        pair, v = (v, other), _shared(v, other, axes, d)
         x = np.stack([v, v * (t - middle)[:, None], *np.moveaxis(axes, -1, 0)], axis=-1)
         prior = np.array([np.inf, COUNTER, LEVER_M, LEVER_M, DATUM_M, DATUM_M])
         most = float(np.ptp(t)) / LASTING_S
@@ -255,16 +267,22 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
         lag += float(beta[0])
         if abs(beta[0]) < ENOUGH_S:
             break
-    slope = float(beta[1])
-    offset = Estimate(lag, float(lag - half[0]), float(lag + half[0]), "s")
-    drift = Estimate(slope, float(slope - half[1]), float(slope + half[1]), "s/s")
+    offset, drift = _within(lag, half[0], "s"), _within(beta[1], half[1], "s/s")
     moving = speed > 1.0
     if not moving.any():
         return None
     apart, scatter = (float(np.median(np.hypot(*of.T))) for of in (d, residual))
     parts = np.abs((residual[..., None] * axes[..., :2]).sum(axis=1)[moving])  # along, across
     along, cross = (1.4826 * np.median(parts, axis=0)).tolist()
-    return _Fit(offset, drift, middle - lag, apart, scatter, along, cross, float(np.ptp(t)))
+    off, motion = pair[0] - pair[1], sum(u.var(axis=0).sum() for u in pair)
+    gain = _gain(min(map(effective_samples, off.T)), off.var(axis=0).sum(), motion)
+    common = float(np.ptp(t))
+    return _Fit(offset, drift, middle - lag, apart, scatter, along, cross, common, float(gain))
+
+
+def _within(value, half, unit):
+    """Give a value with half its interval."""
+    return Estimate(float(value), float(value - half), float(value + half), unit)
 
 
 def _shared(v, other, axes, d):
@@ -380,7 +398,7 @@ def _by_attitude(a: Track, b: Track, lag: float, use: np.ndarray) -> Clock:
         lag += float(beta[0])
         if abs(beta[0]) < ENOUGH_S:
             break
-    offset = Estimate(lag, lag - float(half[0]), lag + float(half[0]), "s")
+    offset = _within(lag, half[0], "s")
     return Clock(offset, drift, float(np.median(t)) - lag, *named_offset(offset, a, b))
 
 
@@ -398,6 +416,8 @@ def named_offset(offset: Estimate, a: Track, b: Track) -> tuple[str, bool, str]:
     rest, low = offset.value or 0.0, offset.low or 0.0
     within = max(1.5, rest - low)
     no_date = [u.name for u in (a, b) if u.clock != "unix"]
+    dates = [u.span[0] for u in (a, b) if u.clock == "unix"]
+    leap, since = leap_seconds(max(dates, default=SINCE_2017)), "" if dates else ", as since 2017"
     parts, undated, by_gps, one = [], "", "", len(no_date) == 1
     if abs(abs(rest) - GPS_EPOCH_S) < 7 * 86400:
         parts.append("seconds since 1970 against seconds since the GPS epoch of 1980")
@@ -409,19 +429,25 @@ def named_offset(offset: Estimate, a: Track, b: Track) -> tuple[str, bool, str]:
         else:
             parts.append(f"{days} d")
     quarters = round(rest / (HOUR_S / 4))
-    if quarters and abs(quarters) <= 56 and _near(rest - quarters * HOUR_S / 4, within):
+    if quarters and abs(quarters) <= 56 and _near(rest - quarters * HOUR_S / 4, within, leap):
         parts.append(f"{quarters / 4:g} h (a time zone)")
         rest -= quarters * HOUR_S / 4
-    if abs(abs(rest) - LEAP_S) < 0.9:
+    if leap and abs(abs(rest) - leap) < 0.9:
         by_gps, first, second = (a.name, "GPS", "UTC") if rest > 0 else (b.name, "UTC", "GPS")
-        parts.append(f"{LEAP_S:.0f} leap seconds ({a.name} in {first} time, {b.name} in {second})")
-        rest -= np.sign(rest) * LEAP_S
-    if not parts or not _near(rest, within):
+        of = f"{a.name} in {first} time, {b.name} in {second}"
+        parts.append(f"{leap} leap seconds{since} ({of})")
+        rest -= np.sign(rest) * leap
+    if not parts or not _near(rest, within, leap):
         return undated, one, by_gps
     known = " and ".join([*parts, *([f"{rest:+.2f} s"] if abs(rest) >= 0.01 else [])])
     return f"{undated}; apart from days, {known}" if undated else known, one, by_gps
 
 
-def _near(rest, within):
+def _near(rest, within, leap):
     """Tell whether what is left is small, or the leap seconds and something small."""
-    return min(abs(rest), abs(abs(rest) - LEAP_S)) <= within
+    return min(abs(rest), abs(abs(rest) - leap)) <= within
+
+
+def leap_seconds(unix_s: float) -> int:
+    """Give how far GPS time is ahead of UTC at a date, s since 1970."""
+    return leapsecond(datetime.fromtimestamp(unix_s, UTC))

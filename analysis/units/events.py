@@ -91,7 +91,7 @@ def _holds(track, others) -> Iterator[Event]:
         speed = np.hypot(*v[i + 1 : j + 1].T)  # the unit's own, if it reports one
         yield float(np.nansum(speed * np.diff(t[i : j + 1])))
         for other in others:
-            ends = interpolated(t[[i, j]], other.t_s, other.enu[:, :2])
+            ends = interpolated(np.clip(t[[i, j]], *other.span), other.t_s, other.enu[:, :2])
             yield float(np.hypot(*(ends[1] - ends[0])))
 
     def turned(i, j):

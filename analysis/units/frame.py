@@ -18,6 +18,7 @@ from analysis import CannotAnswer, WrongUsage, wrap
 from analysis.noise.autocorrelation import runs_of
 from sensorlogs.timeline import Attitude, Gnss, Timeline
 
+STOPPED_S = 30.0  # of one position, exactly, to the end: the receiver may have stopped
 RENEWED_S = 1.5  # a position that repeats for less is a slow receiver, not a standstill
 SMOOTH_S = 1.0  # width of the difference that gives velocity and rates of turn
 FEWEST = 10  # epochs with a position, or with an attitude
@@ -118,9 +119,22 @@ class Track:
             max(1, int(step / np.median(np.diff(t)) + 0.01)) if len(t) > 1 else 1
             for t in (self.t_s, self.attitude_t_s)
         )
-        kept = {k: getattr(self, k)[::n] for k in ("t_s", "enu", "velocity")}
-        kept |= {k: getattr(self, k)[::m] for k in ("attitude_t_s", "attitude")}
-        return replace(self, **kept)
+        return self.part(slice(None, None, n), slice(None, None, m))
+
+    def part(self, kept: slice, attitudes: slice = slice(None)) -> "Track":
+        """The track at some of its epochs, and some of those of its attitude."""
+        some = {k: getattr(self, k)[kept] for k in ("t_s", "enu", "velocity")}
+        some |= {k: getattr(self, k)[attitudes] for k in ("attitude_t_s", "attitude")}
+        return replace(self, **some)
+
+    def until_it_stops(self) -> "Track":
+        """The track without the positions that repeat one to its end, where they do for long."""
+        at = np.flatnonzero(self.fixed)
+        start, stop = repeats(self.enu[at, :2])
+        stays = len(start) and stop[-1] == len(at) - 1 and start[-1] > 0
+        if not stays or self.t_s[at[-1]] - self.t_s[at[start[-1]]] < STOPPED_S:
+            return self
+        return self.part(slice(at[start[-1]] + 1))
 
 
 def local_tracks(units: Mapping[str, Timeline]) -> list[Track]:

@@ -1,13 +1,14 @@
 """Differences between two units on one clock, and their size with intervals.
 
-The intervals count independent samples: a quantile has those of the indicator of being beyond it,
-a root mean square those of the squares (`noise.position.effective_samples`). A short log shows the
-scatter of squares too small and too quick: they count at least as of Gaussian values.
+The intervals count independent samples (`independent`): a quantile has those of the indicator of
+being beyond it, a root mean square those of the squares. A short log shows the scatter of squares
+too small and too quick: they count at least as of Gaussian values.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
 from analysis import CannotAnswer, Estimate, wrap
@@ -136,13 +137,13 @@ def trajectory_metrics(d: Differences) -> dict[str, Estimate]:
     """
     out: dict[str, Estimate] = {}
     if len(d.t_s) >= FEWEST_EPOCHS:
-        r, about = d.horizontal_m, d.enu[:, :2] - d.enu[:, :2].mean(axis=0)
-        spread = np.hypot(*about.T)
-        out |= {"p50_m": quantile(r, 0.5, "m"), "p95_m": quantile(r, 0.95, "m")}
-        most = float(r.max())
+        xy = d.enu[:, :2].T
+        out |= {f"p{q}_m": quantile(xy, q / 100, "m") for q in (50, 95)}
+        most = float(d.horizontal_m.max())
         out["max_m"] = Estimate(most, most, None, "m")
-        out |= {"cep_m": quantile(spread, 0.5, "m"), "r95_m": quantile(spread, 0.95, "m")}
-        out["drms2_m"] = root_mean_square(spread, "m").scaled(2.0, "m")
+        for name, q in (("cep", 0.5), ("r95", 0.95)):
+            out[f"{name}_m"] = quantile(xy, q, "m", about_mean=True)
+        out["drms2_m"] = root_mean_square(xy, "m", about_mean=True).scaled(2.0, "m")
         for name, x in (("along", d.along_m), ("cross", d.cross_m)):
             if np.isfinite(x).sum() >= FEWEST_EPOCHS:
                 out[f"{name}_rms_m"] = root_mean_square(x, "m")
@@ -153,73 +154,112 @@ def trajectory_metrics(d: Differences) -> dict[str, Estimate]:
             x = about_their_mean(x)
             out[f"{name}_rms_deg"] = root_mean_square(x, "deg")
             out |= _about(x, name, "deg")
-            off = np.abs(x - np.nanmean(x))
-            out |= {f"{name}_p{q}_deg": quantile(off, q / 100, "deg") for q in (50, 95)}
+            for q in (50, 95):
+                out[f"{name}_p{q}_deg"] = quantile(x, q / 100, "deg", about_mean=True)
     return out
 
 
 def _about(x, name, unit):
     """Mean and standard deviation, with intervals."""
     x = x[np.isfinite(x)]
-    n, mean = effective_samples(x), float(x.mean())
+    n, mean = independent(x), float(x.mean())
     half = normal_factor(n) * float(x.std()) / np.sqrt(n)
     return {
         f"{name}_mean_{unit}": _estimate(mean, mean - half, mean + half, n, unit),
-        f"{name}_sd_{unit}": root_mean_square(x - mean, unit),
+        f"{name}_sd_{unit}": root_mean_square(x, unit, about_mean=True),
     }
 
 
-def quantile(x: np.ndarray, q: float, unit: str) -> Estimate:
-    """Estimate a quantile; the interval runs between order statistics. ::
+def independent(x: np.ndarray) -> float:
+    """Count the independent samples of a series as about the true mean.
 
-        q -+ t sqrt(q (1 - q) / N),    N the independent samples of [x > x_q]
+    About that of the log, of N of them, each correlation is smaller by 1 / N; of those within five
+    lengths on both sides `noise.position.effective_samples` makes N + 9.
 
     Parameters
     ----------
     x : ndarray, shape (n,)
+
+    Returns
+    -------
+    float
+        At least 1.
+    """
+    return max(effective_samples(x) - 2 * WINDOW + 1, 1.0)
+
+
+def _axes(x, about_mean):
+    """Give the axes, the independent samples of the worst, and what is left of a square."""
+    x = np.atleast_2d(x)
+    x = x[:, np.isfinite(x).all(axis=0)]
+    own = min(map(independent, x))
+    if not about_mean:
+        return x, own, 1.0
+    return x - x.mean(axis=1, keepdims=True), own, 1 - 1 / max(own, 2.0)
+
+
+def quantile(x: np.ndarray, q: float, unit: str, *, about_mean: bool = False) -> Estimate:
+    """Estimate a quantile of sizes; the interval runs between order statistics. ::
+
+        q -+ t sqrt(q (1 - q) / N),    N the independent samples of [x > x_q]
+
+    About the mean of a log of n independent samples a size is less by sqrt(1 - 1 / n).
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,) or (axes, n)
         NaN where there is no value.
     q : float
     unit : str
+    about_mean : bool
 
     Returns
     -------
     Estimate
         Its upper end is open where the log is too short for it.
     """
-    x = x[np.isfinite(x)]
-    value = float(np.quantile(x, q))
-    n = effective_samples((x > value).astype(float))
-    half = normal_factor(n) * np.sqrt(q * (1 - q) / n)
-    low = float(np.quantile(x, max(q - half, 0.0)))
-    high = float(np.quantile(x, q + half)) if q + half < 1 else None
-    return _estimate(value, low, high, n, unit)
+    x, own, less = _axes(x, about_mean)
+    size = np.sqrt((x**2).sum(axis=0))
+    value = float(np.quantile(size, q))
+    n = independent((size > value).astype(float))
+    half = normal_factor(own) * np.sqrt(q * (1 - q) / n)
+    low, high = np.quantile(size, np.clip([q - half, q + half], 0.0, 1.0)) / np.sqrt(less)
+    high = float(high) if q + half < 1 else None
+    return _estimate(value, float(low), high, min(n, own), unit)
 
 
-def root_mean_square(x: np.ndarray, unit: str) -> Estimate:
+def root_mean_square(x: np.ndarray, unit: str, *, about_mean: bool = False) -> Estimate:
     """Estimate a root mean square from correlated values. ::
 
-        log interval +- t sd(x^2) / (2 mean(x^2) sqrt(N)),   N the independent samples of x^2
+        nu s^2 / q^2,    nu = 2 s^4 / var(s^2),    q^2 quantiles of chi-square with nu degrees
 
-    Of Gaussian x the variance of x^2 is 2 v^2 + 4 m^2 v, m and v mean and variance of x, and N at
-    most twice that of x: so sd(x^2) is at least, and N at most, that.
+    Of each axis var(s^2) = var(x^2) / N, N the independent samples of x^2. Of Gaussian x the
+    variance of x^2 is 2 v^2 + 4 m^2 v, m and v mean and variance of x, and N at most twice that of
+    x: so var(x^2) is at least, and N at most, that. About the mean of a log of n independent
+    samples a square is less by 1 - 1 / n.
 
     Parameters
     ----------
-    x : ndarray, shape (n,)
+    x : ndarray, shape (n,) or (axes, n)
         NaN where there is no value.
     unit : str
+    about_mean : bool
 
     Returns
     -------
     Estimate
+        Of the sum of the axes' squares.
     """
-    x = x[np.isfinite(x)]
-    mean, own = float(np.mean(x**2)), float(x.var())
-    n = min(effective_samples(x**2), 2 * effective_samples(x))
-    value, least = float(np.sqrt(mean)), np.sqrt(2 * own**2 + 4 * x.mean() ** 2 * own)
-    half = normal_factor(n) * max(np.std(x**2), least) / (2 * mean * np.sqrt(n)) if mean else 0.0
-    low, high = (value * np.exp([-half, half])).tolist()
-    return _estimate(value, low, high, n, unit)
+    x, own, less = _axes(x, about_mean)
+    square, v = x**2, x.var(axis=1)
+    count = np.minimum([independent(axis) for axis in square], 2 * own)
+    least = 2 * v**2 + 4 * x.mean(axis=1) ** 2 * v
+    total = float(square.mean(axis=1).sum())
+    error = float((np.maximum(square.var(axis=1), least) / count).sum())
+    freedom = 2 * total**2 / max(error, 1e-12 * total**2) if total else 1.0
+    tail = norm.sf(normal_factor(own))
+    ends = freedom * total / less / np.array([chi2.isf(tail, freedom), chi2.ppf(tail, freedom)])
+    return _estimate(np.sqrt(total), *np.sqrt(ends), own, unit)
 
 
 def normal_factor(n: float) -> float:
@@ -231,7 +271,7 @@ def normal_factor(n: float) -> float:
     Parameters
     ----------
     n : float
-        As `noise.position.effective_samples` counts them.
+        As `independent` counts them.
 
     Returns
     -------

@@ -32,6 +32,7 @@ DATUM_M, DATUM_RATIO = 8.0, 4.0  # constant difference of height: least, and ove
 GEOID_M = 110.0  # heights of the geoid above the ellipsoid lie within -107 to 86 m
 SHIFT_M = 20.0  # constant horizontal difference that is another datum rather than a lever arm
 FEWEST = 20  # common epochs, to tell what is usual
+MOVES_ON_M = 30.0  # of another unit, from which one whose position stays the same has stopped
 WHOLE = 0.9  # of the longer log, from which the common time is not said
 COMPONENTS = ("along", "cross", "height", *ANGLES)
 
@@ -111,18 +112,27 @@ def side_by_side(units: Mapping[str, Timeline]) -> Comparison:
             )
     first, *others = _with_course(tracks, notes)
     bar: Any = {"desc": "comparing", "disable": None}
-    clocks = [_clock(first, other, notes) for other in tqdm(others, unit="clock", **bar)]
+    before = first.until_it_stops()
+    every = tqdm(others, unit="clock", **bar)
+    clocks = [_clock(before, other.until_it_stops(), notes) for other in every]
     tracks = [first, *(t.shifted(c.to_first) for t, c in zip(others, clocks, strict=True))]
     tracks = _agreed(tracks, notes)
-    events = []
+    events, compared = [], []
     for k, track in enumerate(tracks):
-        events += find_events(track, tracks[:k] + tracks[k + 1 :])
+        own, before = find_events(track, tracks[:k] + tracks[k + 1 :]), track.until_it_stops()
+        last = None if before is track else before.t_s[-1]
+        if any(e.from_s == last and e.size > MOVES_ON_M for e in own):
+            after = f"{last - track.span[0]:.0f} s after its start"
+            notes.append(f"{track.name} stops for good {after}, and is compared until then")
+            track = before
+        events += own
+        compared.append(track)
         if (np.abs(wrap(track.attitude[:, 1])) > STEEP_DEG).any():
             steep = f"the pitch of {track.name} is beyond {STEEP_DEG:.0f} deg"
             notes.append(f"roll and yaw are not compared where {steep}: noise is larger there")
     pairs, distances = [], []
     late = dict(zip(units, [0.0, *map(_half, clocks)], strict=True))
-    for a, b in tqdm([*combinations(tracks, 2)], unit="pair", **bar):
+    for a, b in tqdm([*combinations(compared, 2)], unit="pair", **bar):
         d, half = differences(a, b), float(np.hypot(late[a.name], late[b.name]))
         common = float(np.ptp(np.concatenate([d.t_s, d.attitude_t_s])))
         lasts = [u.span[1] - u.span[0] for u in (a, b)]
@@ -135,7 +145,8 @@ def side_by_side(units: Mapping[str, Timeline]) -> Comparison:
         pairs.append(Pair(a.name, b.name, d, with_clock(a, b, d, half)))
         distances += apart(a, b, d)
     events += disagreements(distances)
-    noise, missing = noise_of_each([differences(tracks[0], b, *tracks) for b in tracks[1:]])
+    first, *others = compared
+    noise, missing = noise_of_each([differences(first, b, *compared) for b in others])
     events.sort(key=lambda e: e.from_s)
     notes = [*dict.fromkeys([*notes, *missing])]
     return Comparison(tracks, clocks, pairs, events, noise, tuple(notes))

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import brentq, minimize
 from scipy.stats import chi2
 
 from analysis import CannotAnswer, Estimate
@@ -27,8 +27,9 @@ from analysis.noise.position import effective_samples
 from analysis.units.metrics import normal_factor, root_mean_square
 
 SMALLEST = 1e-8  # of the largest difference's variance: stands for zero
+FAR = 1e6  # of the same: no standard deviation of independent units
 NEARLY_ZERO = 1e-2  # of the other end of a range: what the search leaves of zero
-ROUNDS, PROFILE = 200, 60  # rounds of the fit; variances tried for an interval
+ROUNDS, ENOUGH = 200, 1e-4  # rounds of the fit; of a logarithm, the ends of an interval
 CORRELATIONS = (0.2, 0.5)  # between two units, assumed for the ranges
 ASSUMED, WIDE = 0.2, 2.0  # a range of a standard deviation over this ratio is wide
 LEVEL = 0.01  # of the test of independence
@@ -220,31 +221,22 @@ def _joint(s, v, free):
 
 def _interval(s, best, i, freedom, unit) -> Estimate:
     """Profile the deviance for one unit's standard deviation."""
-    count, value = len(s), float(np.sqrt(best[i]))
+    value = float(np.sqrt(best[i]))
     if freedom < FEWEST_FREE:
         note = f"a few spells make most of it: about {freedom:.0f} independent values"
         return Estimate(value, None, None, unit, False, note)
-    smallest = SMALLEST * s.max()
-    wide, near = np.exp(np.linspace(-10, 5, PROFILE)), np.exp(np.linspace(-1.5, 1.5, PROFILE))
-    grid = np.unique(np.r_[smallest, s.max() * wide, best[i] * near, best[i]])
+    start, others = np.maximum(best, 1e-3 * s.max()), [j for j in range(len(s)) if j != i]
 
-    def beyond(grid):
-        start = np.tile(np.maximum(best, 1e-3 * s.max()), (len(grid), 1))
-        start[:, i] = grid
-        v = _joint(s, start, [j for j in range(count) if j != i])
-        return freedom * (_deviance(v, s) - _deviance(best, s)) - normal_factor(freedom) ** 2
+    def beyond(log_v):
+        start[i] = np.exp(log_v)
+        lost = _deviance(_joint(s, start[None], others)[0], s) - _deviance(best, s)
+        return freedom * lost - normal_factor(freedom) ** 2
 
-    def crossing(k):
-        inner = np.geomspace(grid[k], grid[k + 1], PROFILE)
-        y = beyond(inner)
-        rising = np.argsort(y)
-        return float(np.sqrt(np.interp(0.0, y[rising], inner[rising])))
-
-    y, at = beyond(grid), int(np.argmin(np.abs(grid - best[i])))
-    high = crossing(at + int(np.argmax(y[at:] > 0)) - 1)
-    if not (y[:at] > 0).any():
+    at, zero, far = np.log([best[i], SMALLEST * s.max(), FAR * s.max()])
+    high = float(np.exp(brentq(beyond, at, far, xtol=ENOUGH) / 2))
+    if beyond(zero) <= 0:
         return Estimate(value, 0.0, high, unit, note="zero is possible")
-    return Estimate(value, crossing(int(np.flatnonzero(y[:at] > 0)[-1])), high, unit)
+    return Estimate(value, float(np.exp(brentq(beyond, zero, at, xtol=ENOUGH) / 2)), high, unit)
 
 
 def _independence(s, least, freedom, hat):

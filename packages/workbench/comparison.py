@@ -6,7 +6,7 @@ from itertools import permutations, zip_longest
 
 from analysis import plots, store
 from analysis.static_logs.stored import plain
-from analysis.units.clock import LEAP_S
+from analysis.units.clock import leap_seconds
 from analysis.units.side_by_side import side_by_side
 from sensorlogs import grouped
 from sensorlogs.columns import tidy
@@ -60,7 +60,7 @@ def _utc(found, by_gps):
     for track, clock in zip(found.tracks, [None, *found.clocks], strict=True):
         if track.clock == "unix":
             own = clock.from_first if clock else float
-            ahead = LEAP_S if track.name in by_gps else 0.0
+            ahead = leap_seconds(own(zero)) if track.name in by_gps else 0.0
             return lambda seconds: datetime.fromtimestamp(own(zero + seconds) - ahead, UTC)
     return None
 
