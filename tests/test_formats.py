@@ -27,7 +27,7 @@ from test_cli import failed, run, told
 from test_moving import epochs
 
 from analysis import ROOT, STANDARD_GRAVITY, CannotAnswer, WrongUsage
-from sensorlogs import archives, datasets, delimited, formats, matrices, read, read_moving
+from sensorlogs import IN_M_S2, archives, datasets, delimited, formats, matrices, read, read_moving
 
 RATE, ROWS, UNIX = 100.0, 400, 1.7e9
 ALONE, FLAG = "nothing but the file name", "the flags that one message prints"
@@ -180,6 +180,40 @@ def write_dataflash(path, imus=1, stamp=b"TimeUS"):
     path.write_bytes(b"".join(out))
 
 
+def write_tagged(path, head, lines):
+    """Write a text log whose rows begin with a tag: its lines for each sample, with its values."""
+    of = [(t, {"t": t, "g": g, "a": a}) for t, g, a in zip(T, GYRO, ACCEL, strict=True)]
+    of = [{"us": 1e6 * t, "ms": 1e3 * (UNIX + t), "ns": 4e14 + 1e9 * t, **each} for t, each in of]
+    path.write_text("\n".join([*head, *(line.format(**each) for each in of for line in lines), ""]))
+
+
+G, A = ("{g[0]:.9f},{g[1]:.9f},{g[2]:.9f}", "{a[0]:.9f},{a[1]:.9f},{a[2]:.9f}")
+FIX = "Fix,GPS,{t:.7f},8.5,400.0,1.5,3.0,90.0,{ms:.0f},,,{ns:.0f},5.0,0"
+PHONE = [  # as Google describes the rows, before the first: what a header says of others
+    "# ", "# Version: v3.1.1.3 Platform: 17 Model: a phone", "# Raw,utcTimeMillis,TimeNanos",
+    *(f"# Uncal{kind},utcTimeMillis,elapsedRealtimeNanos,{','.join(names)},{','.join(bias)}"
+      for kind, names, bias in (
+          ("Accel", [f"UncalAccel{a}Mps2" for a in "XYZ"], [f"Bias{a}Mps2" for a in "XYZ"]),
+          ("Gyro", [f"UncalGyro{a}RadPerSec" for a in "XYZ"],
+           [f"Drift{a}RadPerSec" for a in "XYZ"]))),
+    "# Fix,Provider,LatitudeDegrees,LongitudeDegrees,AltitudeMeters,SpeedMps,AccuracyMeters,"
+    "BearingDegrees,UnixTimeMillis,SpeedAccuracyMps,BearingAccuracyDegrees,elapsedRealtimeNanos,"
+    "VerticalAccuracyMeters,MockLocation", "Nav,3,769,1,-1,14,116,5,-126", "Raw,1,2",
+]  # fmt: skip
+SENSORS = [f"Uncal{kind},{{ms:.0f}},{{ns:.0f}},{axes},0.1,0.2,0.3"
+           for kind, axes in (("Accel", A), ("Gyro", G))]  # fmt: skip
+PILOT = ["ArduCopter V4.5", "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
+         "FMT, 131, 49, IMU, QBfffffff, TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,T",
+         "FMT, 130, 45, GPS, QBBLLf, TimeUS,I,Status,Lat,Lng,Spd",
+         "FMT, 133, 75, MSG, QZ, TimeUS,Message", "MSG, 5, a word, and more"]  # fmt: skip
+
+
+def write_ardupilot_text(path, imus=1):
+    """Write a DataFlash log as Mission Planner turns it into text."""
+    of = f"{G},{A}".replace(",", ", ")
+    write_tagged(path, PILOT, [f"IMU, {{us:.0f}}, {k}, {of}, 25.0" for k in range(imus)])
+
+
 def write_ubx(path):
     """Write a sample."""
     out = []
@@ -290,6 +324,23 @@ def write_serial(path):
     path.write_text("\n".join(["ready", *(text.format(*row) for row in rows)]) + "\n")
 
 
+def write_sparkfun(path):
+    """Write what SparkFun's example for the ICM-20948 prints."""
+    line = "Scaled. Acc (mg) [ {:.2f}, {:.2f}, {:.2f} ], Gyr (DPS) [ {:.4f}, {:.4f}, {:.4f} ]"
+    rows = np.hstack([ACCEL / STANDARD_GRAVITY * 1000, np.degrees(GYRO)])
+    path.write_text("\n".join(["All is well.", *(line.format(*row) for row in rows)]) + "\n")
+
+
+def write_vbo(path):
+    """Write a file of Racelogic: minutes of latitude, and of longitude to the west."""
+    head = ["File created on 01/05/2024 at 10:00:00", "", "[header]", "latitude", ""]
+    head += ["[column names]", "sats time lat long velocity heading height", "", "[data]"]
+    row = "008 10{:02}{:05.2f} {:+013.6f} {:+013.6f} 000.010 000.00 +{:07.2f}"
+    minutes = [(2700 + 1e-4 * (k % 7), 1e-4 * (k % 5) - 420) for k in range(200)]
+    rows = (row.format(*divmod(k, 60), *at, 100 + k % 3) for k, at in enumerate(minutes))
+    path.write_text("\n".join([*head, *rows]) + "\n")
+
+
 def write_arduino(path):
     """Write what a sketch for the MPU-6050 prints: words, then a label and six counts a line."""
     counts = np.round(np.hstack([ACCEL / STANDARD_GRAVITY * 16384, np.degrees(GYRO) * 131]))
@@ -362,9 +413,12 @@ FORMATS = [  # row of the page's table, how its sample is written, channels, wha
     ("ArduPilot DataFlash, two IMUs", lambda path: write_dataflash(path, imus=2), BOTH, FLAG),
     ("ArduPilot DataFlash of 2015 (TimeMS)",
      lambda path: write_dataflash(path, stamp=b"TimeMS"), BOTH, ALONE),
+    ("ArduPilot log as text", write_ardupilot_text, BOTH, ALONE),
+    ("Google's GnssLogger", lambda path: write_tagged(path, PHONE, SENSORS), BOTH, ALONE),
     ("u-blox UBX, NAV-PVT", write_ubx_pvt, HERE, ALONE),
     ("u-blox UBX, ESF-MEAS", write_ubx, BOTH, FLAG),
     ("GPX", write_gpx, HERE, ALONE),
+    ("VBO of Racelogic", write_vbo, HERE, ALONE),
     ("Sensor Logger zip", lambda path: pack(path, _sensor_logger()), BOTH, ALONE),
     ("Sensor Logger folder", write_sensor_logger_folder, BOTH, ALONE),
     ("phyphox zip", write_phyphox, GYROS, ALONE),
@@ -372,6 +426,7 @@ FORMATS = [  # row of the page's table, how its sample is written, channels, wha
     ("AndroSensor", write_androsensor, BOTH, ALONE),
     ("Xsens MT Manager text", write_xsens, BOTH, ALONE),
     ("serial lines `gx: … gy: …`", write_serial, GYROS, FLAG),
+    ("serial lines of SparkFun, `Acc (mg) [ …, …, … ]`", write_sparkfun, BOTH, FLAG),
     ("serial capture of an Arduino, `a/g:` and six counts", write_arduino, BOTH, FLAG),
     ("CSV of a maker's program, without units", write_vendor, BOTH, FLAG),
 ]  # fmt: skip
@@ -411,7 +466,7 @@ def test_each_format_is_read_by_every_verb(name, _, channels, takes, tmp_path):
     assert sorted(map(key, log.channels)) == sorted(channels)
     assert log.rate_hz == pytest.approx(1.0 if channels == HERE else RATE, rel=1e-4)
     for channel in log.channels if channels != HERE else ():
-        scale = {"deg/s": np.pi / 180, "g": STANDARD_GRAVITY}.get(channel.unit, 1.0)
+        scale = {"deg/s": np.pi / 180, **IN_M_S2}.get(channel.unit, 1.0)
         # The coarsest file counts 2^-10 m/s^2 (UBX); text has five decimals or more.
         np.testing.assert_allclose(channel.values * scale, KNOWN[key(channel)], atol=1e-3)
     listing, errors = formats.contents(path)
@@ -425,7 +480,7 @@ def test_each_format_is_read_by_every_verb(name, _, channels, takes, tmp_path):
     else:
         imu = read_moving([path], **({"tables": [more["table"]]} if "table" in more else more)).imu
         readings = imu.gyro_b, imu.accel_b
-        if "Sensor" in name:  # a phone with its screen up: turned to z down
+        if re.search("Sensor|Gnss", name):  # a phone with its screen up: turned to z down
             readings = [axes[:, [1, 0, 2]] * [1, 1, -1] for axes in readings]
         np.testing.assert_allclose(imu.t_s, T, atol=2e-3)
         np.testing.assert_allclose(np.hstack(readings), SAMPLES, atol=1e-3)
@@ -441,7 +496,7 @@ def test_the_table_of_formats_is_what_is_tested():
     assert listed[listed.index(head) :][: len(rows)] == rows
 
 
-OWN = "GPX|NMEA|CSV|gzip|zip|MATLAB|HDF5|NumPy|JSON|Sensor|Andro|Xsens|serial"
+OWN = "text|Gnss|GPX|VBO|NMEA|CSV|gzip|zip|MATLAB|HDF5|NumPy|JSON|Sensor|Andro|Xsens|serial"
 
 
 @pytest.mark.parametrize("name", [name for name in BY_NAME if not re.search(OWN, name)])
@@ -649,6 +704,33 @@ def test_positions_of_an_old_dataflash_log(code, names, tmp_path):
     assert ride.gnss.has_fix.all() and len(ride.imu.t_s) == ROWS
     np.testing.assert_allclose(ride.gnss.t_s, np.arange(20.0))
     assert (ride.gnss.satellites == 8).all()
+
+
+def test_tagged_rows_in_motion(tmp_path):
+    """Published: the spellings of GnssLogger from 2016 on; ArduPilot's instances and fixes.
+
+    Receiver and sensors of a phone share its clock since it was switched on, whatever their UTC is.
+    """
+    path = tmp_path / "phone.txt"
+    other = FIX.replace("GPS,", "FLP,").replace("{ms", "9{ms")
+    write_tagged(path, PHONE, [*SENSORS, FIX, other])
+    ride = read_moving([path])
+    np.testing.assert_allclose(ride.gnss.t_s, T, atol=1e-6)
+    np.testing.assert_allclose(ride.gnss.lat_deg, T, atol=1e-6)
+    np.testing.assert_allclose(ride.imu.t_s, T, atol=1e-6)
+    assert ride.start_utc.startswith("2023-11-14T22:13:20") and ride.gnss.course_deg[9] == 90
+    assert read_moving([path], tables=["Fix/FLP"]).gnss.lat_deg[9] == pytest.approx(T[9])
+    old = ["# Raw,ElapsedRealtimeMillis,TimeNanos", "# Fix,Provider,Latitude,Longitude,Altitude,"
+           "Speed,Accuracy,(UTC)TimeInMs"]  # fmt: skip
+    write_tagged(path, old, ["Fix,gps,{t:.7f},8.5,4.0,1.5,3.0,{ms:.0f}", "Raw,1,2"])
+    ride = read_moving([path])
+    assert ride.start_utc and ride.gnss.speed_m_s[0] == 1.5 and ride.gnss.t_s[9] == 0.09
+    imu = f"IMU, {{us:.0f}}, 0, {G},{A}, 25.0"
+    both = [imu, imu.replace(" 0,", " 1,", 1), "GPS, {us:.0f}, 0, {t:.0f}, {t:.7f}, 8.5, 1.5"]
+    write_tagged(path, PILOT, both)
+    refused(WrongUsage, r"IMU/0 \(400 rows\), IMU/1", read_moving, [path])
+    ride = read_moving([path], tables=["IMU/1"])
+    np.testing.assert_array_equal(ride.gnss.has_fix, np.round(T) > 1)
 
 
 def test_channels_lists_what_can_be_read(tmp_path):

@@ -211,6 +211,22 @@ def test_a_row_that_lost_a_field_is_left_out(tmp_path):
     assert "line 52: 1 row with fewer fields than names" in log.repairs[0]
 
 
+@pytest.mark.parametrize("bits", [16, 32])
+def test_counts_that_lost_their_sign(tmp_path, bits):
+    """property: 65535 for -1 is read as -1, which is said; a mark, and a counter, stay as they are.
+
+    Also where the sensor reads -1, 0 and 1 alone.
+    """
+    counts = np.round(np.random.default_rng(1).standard_normal((300, 3)) * [100, 0.6, 5])
+    counts[:, 2] = np.where(np.arange(300) % 60 == 7, 65535, 400 + counts[:, 2])  # a mark
+    rows = np.column_stack([65436 + np.arange(300), counts]) % 2**bits  # ms, over the end
+    path = csv_of(tmp_path, "t_ms,gx,gy,gz", rows.astype(int).tolist())
+    log = logs.read(path, unit="deg/s", scale="1")
+    np.testing.assert_array_equal(np.array([c.values for c in log.channels[:2]]).T, counts[:, :2])
+    assert log.rate_hz == pytest.approx(1000) and np.isnan(log.channels[2].values).sum() == 5
+    assert sum("columns gx, gy: counts without their sign" in r for r in log.repairs) == 1
+
+
 @pytest.mark.parametrize(("cut", "said"), [
     *((c, "line 201: the last line is cut off and was dropped")
       for c in ("0.6", "1.990000,", "1.990000,0.123456,-", "1.99,0.1,0.12", "1.99,1,0.1234567e")),

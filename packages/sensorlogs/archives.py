@@ -38,9 +38,14 @@ def _folder() -> tempfile.TemporaryDirectory:
     return tempfile.TemporaryDirectory(prefix="logs-")
 
 
+def temporary(path: Path) -> Path:
+    """Give what a file holds a place of the same name in that folder."""
+    return Path(tempfile.mkdtemp(dir=_folder().name)) / path.name
+
+
 def unstamped(path: Path) -> Path:
     """Separate the clock time that a serial monitor (Arduino, PlatformIO) writes from the cells."""
-    target = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name
+    target = temporary(path)
     raw = delimited.content(path)
     (_, cells), *_ = MONITOR.findall(raw[: 1 << 14])
     apart = next((each for each in (b";", b"\t", b",") if each in cells), b" ")
@@ -50,7 +55,7 @@ def unstamped(path: Path) -> Path:
 
 def gunzip(path: Path) -> Path:
     """Unpack a gzip file into the temporary folder, under its own name."""
-    target = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name
+    target = temporary(path)
     with (
         reading(path, "a packed file"),
         gzip.open(path, "rb") as packed,
@@ -69,7 +74,7 @@ def gunzip(path: Path) -> Path:
 def unzip(path: Path) -> Path:
     """Unpack a zip file into a folder of its own in the temporary folder."""
     members = check_zip(path)
-    target = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name
+    target = temporary(path)
     target.mkdir()
     with reading(path, "a packed file"), zipfile.ZipFile(path) as packed:
         for member in tqdm(members, **delimited.progress(path, "unpacking")):
@@ -87,7 +92,7 @@ def spreadsheet(path: Path) -> list[Part]:
 
     if zipfile.is_zipfile(path):
         check_zip(path)
-    target, parts, empty = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name, [], []
+    target, parts, empty = temporary(path), [], []
     target.mkdir()
     with reading(path, "a spreadsheet", "python-calamine", "save it again, or as CSV"):
         book = CalamineWorkbook.from_path(str(path))

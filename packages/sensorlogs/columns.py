@@ -48,6 +48,7 @@ _USUAL = {"rate": "deg/s", "accel": "g", "angle": "deg", "position": "m"}
 _OR = {"rate": "rad/s", "accel": "m/s^2", "angle": "rad"}  # as usual: a message offers both
 _WHOLE_UNITS = ("deg/s", "rad/s", "g", "m/s^2")  # in which no sensor's readings are whole numbers
 _NO_CELSIUS = {"k", "kelvin", "f", "fahrenheit"}
+ENDS = 0.02  # share of its range that counts have on either side of zero, and may leave there
 G_IN_COUNTS = 2048, 4096, 8192, 16384  # 16 bits for 16, 8, 4 and 2 g
 _PER_COUNT = {"rate": "1/131", "accel": "1/16384"}  # of the most common IMU, to be replaced
 
@@ -100,6 +101,33 @@ def in_known_units(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
                 notes.append(f"column '{name}' turned into {unit}")
                 break
     return frame, notes
+
+
+def signed(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """Give counts back the sign that a program lost, which printed -1 as 65535; say of which.
+
+    They are whole, at either end of 16 or 32 bits and far from its middle, and go from one end to
+    the other and back; a mark for a missing reading stands alone.
+    """
+    lost: dict[str, pd.Series] = {}
+    for name in frame.select_dtypes("number"):
+        cells = frame[name]
+        turn = next((t for t in (2.0**16, 2.0**32) if 0.75 * t <= cells.max() < t), 0.0)
+        if turn and cells.min() >= 0:
+            high = cells >= turn / 2
+            mine = cells - turn * high
+            low, top = mine.min(), mine.max()
+            ends = min(-low, top + 1) >= ENDS * (top - low) and top - low < turn / 2
+            joined = cells[~high].min() - mine[high].max() <= ENDS * (top - low) + 1
+            if (
+                ends
+                and joined
+                and (high.astype(int).diff() == -1).sum() > 1
+                and not (mine % 1).any()
+            ):
+                lost[name] = mine
+    said = f"columns {', '.join(lost)}: counts without their sign: from half a turn on negative"
+    return frame.assign(**lost) if lost else frame, [said] * bool(lost)
 
 
 def tidy(name: str) -> str:

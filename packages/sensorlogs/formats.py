@@ -9,7 +9,9 @@ import contextlib
 import importlib.util
 import re
 import zipfile
-from collections.abc import Sequence
+from array import array
+from collections import defaultdict
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +35,10 @@ _PAIR = (  # gx: 0.1, or gyro_x (dps) = 1e-3
     rb"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 )
 _MORE = _PAIR + rb"(?:[ \t]*[,;][ \t]*|[ \t]+)[-+]?(?:\d*\.)?\d+[\s,;]"  # of a list, or 0,1
-_SERIAL = rb"(?m)(^(?>.*?" + _PAIR + rb")(?>.*?" + _PAIR + rb").*\n){3}"  # three such lines
+_NUMBER = rb"\s*([-+]?[\d.]+)\s*"
+_VECTOR = rb"(\b[A-Za-z]\w*) *(\([^)\n]*\))? *\[" + rb",".join(3 * [_NUMBER]) + rb"\]"
+_AXES = rb"\1_x \2: \3, \1_y \2: \4, \1_z \2: \5"  # of Acc (mg) [ 1.2, 3.4, 5.6 ], by SparkFun
+_SERIAL = rb"(?m)(^(?>.*?" + _PAIR + rb")(?>.*?" + _PAIR + rb").*\n){3}|^.*" + _VECTOR
 
 
 def gpx(path: Path) -> list[Part]:
@@ -61,31 +66,58 @@ def gpx(path: Path) -> list[Part]:
 
 def serial(path: Path) -> list[Part]:
     """Read lines such as ``gx: 0.1 gy: 0.2``, as programs of microcontrollers print them."""
-    found: dict[tuple, list[tuple]] = {}  # names -> number of the line, values, line
+    found: dict = defaultdict(lambda: (array("q"), array("d"), []))  # names -> lines, values, lists
     with delimited.open_bytes(path) as handle:
         for number, line in enumerate(handle, 1):
             if line.strip():
-                pairs = re.findall(_PAIR, line)
-                named = tuple(name.decode(errors="replace") for name, _ in pairs)
-                found.setdefault(named, []).append((number, [float(v) for _, v in pairs], line))
-    names = max(filter(None, found), key=lambda each: len(found[each]))
-    left_out = sum(map(len, found.values())) - len(found[names])
-    lines, rows, texts = map(list, zip(*found[names], strict=True))
-    if (k := next((k for k, text in enumerate(texts) if re.search(_MORE, text)), None)) is not None:
-        said = delimited.printable(texts[k].strip().decode(errors="replace"))
+                text = re.sub(_VECTOR, _AXES, line) if b"[" in line else line
+                pairs = re.findall(_PAIR, text)
+                lines, values, lists = found[tuple(name for name, _ in pairs)]
+                lines.append(number)
+                values.extend(float(value) for _, value in pairs)
+                if not lists and re.search(_MORE, text):
+                    lists.append((number, line.strip().decode(errors="replace")))
+    names = max(filter(None, found), key=lambda each: len(found[each][0]))
+    lines, values, lists = found.pop(names)
+    for at, said in lists:
         raise CannotAnswer(
-            f"{path.name}, line {lines[k]}: '{said}' has a list or a decimal comma, which is not "
-            "read after a name: write CSV"
+            f"{path.name}, line {at}: '{delimited.printable(said)}' has a list or a decimal comma, "
+            "which is not read after a name: write CSV"
         )
-    if left_out > 0.01 * len(rows) + 3:
-        of = f"{left_out:,} of {left_out + len(rows):,} lines"
+    left_out = sum(len(others) for others, _, _ in found.values())
+    if left_out > 0.01 * len(lines) + 3:
+        of = f"{left_out:,} of {left_out + len(lines):,} lines"
         raise CannotAnswer(f"{path.name}: {of} do not have the names of the most: write CSV")
     notes = [f"{counted(left_out, 'line')} with other names left out"] * bool(left_out)
-    if not line.endswith(b"\n") and lines[-1:] == [number]:  # a number may have lost digits
-        notes.append(f"line {lines.pop()}: {delimited.CUT_OFF}")
-        rows.pop()
-    frame = pd.DataFrame(np.array(rows), columns=delimited.unique_names(names))
-    return [of_table("lines", Table(frame, path, tuple(notes), lines=np.array(lines)))]
+    rows = np.frombuffer(values).reshape(len(lines), -1)
+    if not line.endswith(b"\n") and lines[-1] == number:  # a number may have lost digits
+        notes.append(f"line {number}: {delimited.CUT_OFF}")
+        rows = rows[:-1]
+    unique = delimited.unique_names([name.decode(errors="replace") for name in names])
+    frame = pd.DataFrame(rows, columns=unique)
+    return [of_table("lines", Table(frame, path, tuple(notes), lines=np.frombuffer(lines, "q")))]
+
+
+def _renamed(text: Part, known: dict, change: Callable[[pd.DataFrame], pd.DataFrame]) -> list[Part]:
+    """Name the columns of a text as its maker describes them; then change the rows."""
+    names = {name: known.get(name, name) for name in text.columns}
+
+    def load() -> Table:
+        table = text.load()
+        return replace(table, frame=change(table.frame.rename(columns=names)))
+
+    told_by = "the maker's description"
+    return [replace(text, columns=tuple(names.values()), load=load, told_by=told_by)]
+
+
+def vbo(path: Path) -> list[Part]:
+    """Read a VBO of Racelogic: minutes, to the west of Greenwich, and km/h."""
+    degrees = {"lat_deg": 1 / 60, "lon_deg": -1 / 60}
+    return _renamed(
+        of_text("data", path),
+        NAMES["vbo"],
+        lambda frame: frame.assign(**{n: of * frame[n] for n, of in degrees.items() if n in frame}),
+    )
 
 
 def xsens(path: Path) -> list[Part]:
@@ -95,24 +127,19 @@ def xsens(path: Path) -> list[Part]:
     documentation: PacketCounter wraps at 65535; SampleTimeFine counts at 10 kHz and wraps after
     2^32 ticks, of the MTi 10- and 100-series after a day.
     """
-    text = of_text("export", path)
-    names = {name: NAMES["xsens"].get(name, name) for name in text.columns}
     head = delimited.content(path, delimited.HEAD_BYTES)
     rate = re.search(rb"Update Rate:\s*([\d.]+)\s*Hz", head)
+    packet_s = 1 / float(rate[1]) if rate else 0.0
 
-    def load() -> Table:
-        table = text.load()
-        frame = table.frame.rename(columns=names)
-        packet_s = 1 / float(rate[1]) if rate else 0.0
+    def timed(frame: pd.DataFrame) -> pd.DataFrame:
         for counter, seconds in (("SampleTimeFine", 1e-4), ("PacketCounter", packet_s)):
             if counter in frame and seconds and frame[counter].notna().all():
                 ticks, _ = times.continuous(frame[counter].to_numpy())
                 frame.insert(0, "t_s", ticks * seconds)
                 break
-        return replace(table, frame=frame)
+        return frame
 
-    told_by = "the maker's description"
-    return [replace(text, columns=tuple(names.values()), load=load, told_by=told_by)]
+    return _renamed(of_text("export", path), NAMES["xsens"], timed)
 
 
 def csv(path: Path) -> list[Part]:
@@ -200,7 +227,8 @@ def load(chosen: Sequence[Part], moving: bool = False) -> Table:
     found = [part.load() for part in chosen]
     table = found[0] if len(found) == 1 else side_by_side(found, chosen, moving)
     frame, notes = columns.in_known_units(times.joined(table.frame))
-    return replace(table, frame=frame, repairs=(*table.repairs, *notes))
+    frame, more = columns.signed(frame)
+    return replace(table, frame=frame, repairs=(*table.repairs, *notes, *more))
 
 
 def read_table(path: Path, stanza: dict) -> Table:

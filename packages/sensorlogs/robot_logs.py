@@ -12,8 +12,8 @@ import os
 import re
 import tempfile
 from array import array
-from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,12 +22,12 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from sensorlogs import CannotAnswer, counted, integrity, nmea
+from sensorlogs import CannotAnswer, archives, counted, integrity, nmea
 from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, content, progress
 from sensorlogs.integrity import reading
 from sensorlogs.names import NAMES
-from sensorlogs.tables import LISTED, Part, of_arrays
+from sensorlogs.tables import LISTED, Part, of_arrays, of_text
 
 DEFINED = "its message definition"
 _ROS = NAMES["ros"]
@@ -35,7 +35,13 @@ _ULOG = NAMES["ulog"] | dict.fromkeys(("vehicle_gps_position", "sensor_gps"), NA
 _ULOG_SIDE = re.compile("timestamp|device_id|integral_dt|clip|count|magnetometer|baro")
 _PVT = NAMES["nav_pvt"]
 _PAGE = 528  # bytes without messages that the end of a DataFlash log may have
-_PRIMARY = re.compile(r"(IMU|GYR|ACC|GPS)\d?|ATT")
+_PRIMARY = re.compile(
+    r"((IMU|GYR|ACC|GPS)\d?|ATT)(/.*)?|(Uncal)?(Gyro|Accel)|OrientationDeg|Fix(/GPS|/gps)?"
+)
+_INSTANCE = ("I", "Instance", "Provider")
+_WHOLE = "bBhHiIMqQ"  # codes of whole numbers: of another, I is an integral
+_NAMING = re.compile(rb"(# *|FMT, *\d+, *\d+, *)(\w+),(.+)")  # of GnssLogger, of ArduPilot
+_BOOT_NS = "elapsedRealtimeNanos"  # the clock that a phone's receiver and sensors share
 _UBX = re.compile(rb"\xb5\x62(?:\x01\x07|\x10[\x02\x03])")  # NAV-PVT, ESF-MEAS, ESF-RAW
 _UBX_SIZE = 8192  # bytes of the longest message that is looked at
 
@@ -197,16 +203,30 @@ def dataflash(path: Path) -> list[Part]:
         for form in log.formats.values():
             offsets = np.asarray(log.offsets[form.type], dtype=np.int64)
             offsets = offsets[offsets + form.len <= len(raw)]
-            # An old GPS has T, the clock of the other messages, after the time of its week.
-            stamps = form.columns if form.name.startswith("GPS") else form.columns[:1]
-            stamp = next((s for s in NAMES["dataflash_stamps"] if s in stamps), None)
-            if offsets.size and stamp:
-                parts += _dataflash_parts(path, form, stamp, offsets, raw, notes)
+            names = _tagged_names(form.name, form.columns)
+            if offsets.size and any(name.startswith("t_") for name in names):
+                parts += _dataflash_parts(path, form, names, offsets, raw, notes)
         log.filehandle.close()
     return parts
 
 
-def _dataflash_parts(path, form, stamp, offsets, raw, notes) -> list[Part]:
+def _tagged_names(tag: str, columns: Sequence[str]) -> list[str]:
+    """Name the columns of a message; its time is the first in the table of clocks."""
+    # An old GPS has T, the clock of the other messages, after the time of its week.
+    clocks = columns if tag.startswith("GPS") else columns[:1]
+    stamps = NAMES["tagged_stamps"]
+    stamp = next((s for s in stamps if s in clocks), None)
+    return [stamps[c] if c == stamp else NAMES["tagged"].get(c, c) for c in columns]
+
+
+def _fixed(label: str, columns: Any) -> Any:
+    """Turn the status of ArduPilot's receivers into a fix: 2 and more are one."""
+    if label.startswith("GPS") and "Status" in columns:
+        columns["fix"] = np.maximum(columns.pop("Status") - 1, 0)
+    return columns
+
+
+def _dataflash_parts(path, form, names, offsets, raw, notes) -> list[Part]:
     """Take the rows of one message apart by its instance."""
     from pymavlink.DFReader import FORMAT_TO_STRUCT
 
@@ -216,7 +236,7 @@ def _dataflash_parts(path, form, stamp, offsets, raw, notes) -> list[Part]:
     if layout.itemsize + 3 != form.len:
         return []
     rows = np.ascontiguousarray(raw[offsets[:, None] + np.arange(3, form.len)]).view(layout)[:, 0]
-    instance = next((n for n in form.columns if n in ("I", "Instance")), None)
+    instance = next((n for n in form.columns if n in _INSTANCE), None)
     numbered = instance and rows[instance].dtype.kind in "iu"
     each = np.unique(rows[instance]) if numbered else ()
     groups = {f"{form.name}/{k}": rows[rows[instance] == k] for k in each}
@@ -224,15 +244,77 @@ def _dataflash_parts(path, form, stamp, offsets, raw, notes) -> list[Part]:
     parts = []
     for label, mine in groups.items():
         columns = {}
-        for name, (_, factor, _) in zip(form.columns, codes, strict=True):
+        for name, ours, (_, factor, _) in zip(form.columns, names, codes, strict=True):
             if mine[name].dtype.kind in "fiu" and name != instance:
-                known = NAMES["dataflash_stamps" if name == stamp else "dataflash"]
-                columns[known.get(name, name)] = mine[name] * (factor or 1.0)
-        if form.name.startswith("GPS") and "Status" in columns:
-            columns["fix"] = np.maximum(columns.pop("Status") - 1, 0)  # 2 and more: a fix
-        primary = bool(_PRIMARY.fullmatch(form.name))
+                columns[ours] = mine[name] * (factor or 1.0)
+        primary = bool(_PRIMARY.fullmatch(label))
+        columns = _fixed(label, columns)
         parts.append(of_arrays(path, label, columns, notes, told_by=DEFINED, primary=primary))
     return parts
+
+
+def tagged(path: Path) -> list[Part]:
+    """List the tables of a text whose rows begin with a tag, an instance or provider each.
+
+    Google's GnssLogger names the columns in comments, ArduPilot's log as text in FMT lines. Each
+    table is written to a file of its own, which is read when it is asked for.
+    """
+    heads: dict[bytes, tuple[list[str], int]] = {}
+    files: dict[str, Any] = {}
+    boots_s: dict[str, float] = {}
+    rows, folder = Counter[str](), archives.temporary(path)
+    folder.mkdir()
+    with reading(path, "a log of tagged rows"), contextlib.ExitStack() as opened:
+        raw = opened.enter_context(path.open("rb"))
+        for line in tqdm(raw, unit=" lines", unit_scale=True, **progress(path)):
+            tag, _, rest = line.partition(b",")
+            if naming := _NAMING.match(line):
+                names = [name.strip() for name in naming[3].decode(errors="replace").split(",")]
+                codes = names.pop(0) if naming[1].startswith(b"FMT") else ""
+                numbered = (k for k, name in enumerate(names) if name in _INSTANCE)
+                which = next((k for k in numbered if codes[k : k + 1] in _WHOLE), -1)
+                heads[naming[2]] = names, which
+            elif tag in heads and rest.count(b",") >= heads[tag][1]:
+                names, which = heads[tag]
+                fields = rest.split(b",", which + 1)
+                label = tag.decode(errors="replace")
+                if which >= 0:
+                    names = names[:which] + names[which + 1 :]
+                    label += f"/{fields.pop(which).strip().decode(errors='replace')}"
+                if label not in files:
+                    file = folder / f"{path.name}, {label}".replace("/", " ")
+                    files[label] = opened.enter_context(file.open("wb"))
+                    files[label].write(",".join(_tagged_names(label, names)).encode() + b"\n")
+                    said = dict(zip(names, b",".join(fields).split(b","), strict=False))
+                    with contextlib.suppress(KeyError, ValueError):
+                        unix_ms = float(said.get("UnixTimeMillis") or said["utcTimeMillis"])
+                        boots_s[label] = unix_ms / 1e3 - float(said[_BOOT_NS]) / 1e9
+                files[label].write(b",".join(fields))
+                rows[label] += 1
+            else:
+                rows[""] += line[:1] not in b"#\r\n"
+    several = Counter(label.partition("/")[0] for label in files)
+    boot_s = boots_s.get("Fix/GPS", next(iter(boots_s.values()), 0.0))
+    notes = [f"{counted(rows[''], 'line')} without a tag whose columns are named, left out"]
+    parts = []
+    for label, file in files.items():
+        tag = label.partition("/")[0]
+        with contextlib.suppress(CannotAnswer):  # a table of words
+            text = of_text(label if several[tag] > 1 else tag, Path(file.name))
+            load = functools.partial(_tagged_table, text, boot_s, notes * (rows[""] > 0))
+            primary = bool(_PRIMARY.fullmatch(text.name))
+            more = {"rows": rows[label], "told_by": DEFINED, "primary": primary}
+            parts.append(replace(text, load=load, **more))
+    return parts
+
+
+def _tagged_table(text: Part, boot_s: float, notes: list[str]) -> Table:
+    """Read the rows of one tag, of a phone with its own clock in seconds since 1970."""
+    table = text.load()
+    frame = _fixed(text.name, table.frame)
+    if _BOOT_NS in frame and frame[_BOOT_NS].notna().all():
+        frame.insert(0, "t_s", 1e-9 * frame.pop(_BOOT_NS) + boot_s)
+    return replace(table, frame=frame, repairs=(*table.repairs, *notes))
 
 
 def holds_ubx(raw: bytes) -> bool:
