@@ -383,7 +383,7 @@ BAD = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("refusal", "given", "header", "rows", "words"), BAD)
+@pytest.mark.parametrize("refusal, given, header, rows, words", BAD, ids=[row[-1] for row in BAD])
 def test_bad_input_is_refused_in_one_sentence(tmp_path, refusal, given, header, rows, words):
     """Property: the right class, and a message naming the file, the place and the way out."""
     caught = refused((CannotAnswer, WrongUsage), None, read, tmp_path, rows, header, **given)
