@@ -178,20 +178,26 @@ def test_speed_and_wandering_by_the_fixes():
     np.testing.assert_allclose(found, speeds)
     # Without a speed it is as fast as it was: a smooth ride in an outage is no rest.
     for share, slow in ((1.0, False), (math.nan, False), (0.99, True), (math.nan, True)):
-        device._rests(share * Options.speed_threshold)
-        assert device._slow == slow
+        device._rests(share * Options.speed_threshold, 1.0)
+        assert (device._pace < Options.speed_threshold) == slow
     # Of 24 fixes five have too little before them, and one 5 m.
     assert device._unaided == pytest.approx(a**2 / 8 + (1.0 - a**2 / 8) * 0.99**18)
 
 
 def test_the_acceleration_by_speed_and_turns():
-    """analytic: a in a straight line, v w on a circle; the larger of the last two, if both are."""
-    device = Device(Options(), None, False)
+    """analytic: a in a straight line, v w on a circle; the larger of the last two, if both are.
+
+    Over a second, and over an epoch without a sample, but not over 1.5 s without any.
+    """
+    device, n, t = Device(Options(), None, False), math.nan, 0.0
     for speed, turn, dt, known in (
-        (5, 0.2, 1, None), (6, 0.2, 0.5, None), (6, 0.1, 0.5, 4 + 1.44), (6, -0.5, 2, 9),
-        (5, 0, 2, 9), (5, 1, 0, None), (5, math.nan, 1, None), (5, 0.3, 1, None), (5, 0.3, 1, 2.25),
+        (5, 0.2, 1, None), (6, 0.2, 1, None), (7, 0.1, 0.5, None), (6, 0.1, 0.5, 1 + 1.44),
+        (8, -0.5, 2, 1 + 16), (9, n, 1, 17), (5, 0, 0.5, 17), (5, 0.1, 1, 4), (5, n, 1, 4),
+        (5, n, 1, None), (5, 0.1, 1, None), (n, 0.1, 1, None), (5, 0, 1, None), (5, 0.3, 1, None),
+        (5, 0, 0.6, None), (5, 0, 0.2, None), (5, 0, 0.2, 2.25),
     ):  # fmt: skip
-        assert device._vehicle(speed, turn, dt) == (known and pytest.approx(known))
+        t += dt
+        assert device._vehicle(t, speed, turn, dt) == (known and pytest.approx(known))
 
 
 def test_how_good_a_fix_is():
@@ -269,7 +275,7 @@ def test_what_a_sample_tells_each_block():
             rest={"sample.return_value": quiet, "steady": quiet, "force": "f", "rate": "r"},
             constrained=car | {"started": True}, last={"accepted": 1},
         )  # fmt: skip
-        device._slow, device._t_imu, device._t_fix = slow, 5.0, 5.0 + dt - silent
+        device._pace, device._t_imu, device._t_fix = 0.5 - 0.1 * slow, 5.0, 5.0 + dt - silent
         device.imu(5.0 + dt, gyro, force)
         restarts = [(("f", "r"),)] * (quiet and slow and moving and ready)
         assert device.attitude.restart.call_args_list == restarts and device.static.quiet == quiet
@@ -306,7 +312,7 @@ def test_in_an_outage_the_speed_of_the_car_forbids_rest():
         device.constrained.may_rest = lambda pull, slow=slow: slow and pull == math.inf
         device._t_imu, device.gives_speed, device.ned = 99.5, True, None
         device.gnss(Epoch(100.0, (45.0, 9.0, 0.0), 2.0, speed, 0.5, 3.0, 8.0))
-        assert device._rests.call_args.args == pytest.approx((told,), nan_ok=True)
+        assert device._rests.call_args.args == pytest.approx((told, 0.0), nan_ok=True)
 
 
 def test_what_an_epoch_tells_the_low_pass():
@@ -399,7 +405,7 @@ def test_when_the_filters_start_and_what_carries_them():
             Options(), attitude=attitude | {"tilt": Mock(p=0.1)}, constrained={"started": False},
             fusion={}, mounting={"mount": at["mount"]}, upright={"down": "d"},
         )  # fmt: skip
-        device._speed, starts = at["speed"], at == good or at["mount"] is False
+        device._pace, starts = at["speed"], at == good or at["mount"] is False
         late = 0.5 if at == good else -0.5  # of the epoch, after the last sample
         device._t_epoch, device._t_imu = 7.5, 7.5 - late
         device._constrain(at["fix"], at["velocity"], 1.0, 2.0)

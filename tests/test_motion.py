@@ -46,8 +46,10 @@ def moved(kind, rng, even=True, noise=1.0, hertz=1):
     rate = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / DT
     rate = mounted.apply(np.vstack([rate, rate[-1:]])) + rng.normal(0, 0.01, (n, 3)) + 0.01
     accel = mounted.apply(attitude.inv().apply(force)) + rng.normal(0, 0.3, (n, 3))
-    between = np.full(n * hertz // 50, 50 // hertz) if even else rng.integers(30, 70, n // 50)
-    each = np.cumsum(between) - 30 // hertz
+    between = (
+        np.full(int(n * hertz / 50), int(50 / hertz)) if even else rng.integers(30, 70, n // 50)
+    )
+    each = np.cumsum(between) - int(30 / hertz)
     many, blank = len(t[each]), np.full(len(t[each]), np.nan)
     speed = v[each] + noise * rng.normal(0, 0.1, many)
     heading = np.degrees(course[each]) + noise * rng.normal(0, 0.5, many)
@@ -55,7 +57,7 @@ def moved(kind, rng, even=True, noise=1.0, hertz=1):
     return gnss, Imu(t, rate, accel)
 
 
-@pytest.mark.parametrize("hertz", [1, 10])
+@pytest.mark.parametrize("hertz", [0.5, 1, 10])
 @pytest.mark.parametrize(("kind", "answers"), [
     ("car", {"car"}), ("motorbike", {"leans"}), ("multicopter", {"leans", "unlike"}),
     ("boat", {"tilts", "open"}), ("runner", {"tilts", "open", "unlike"}),

@@ -126,11 +126,12 @@ def test_blocks_three_and_four_cost_their_means(steps):
     """analytic: n places, two coordinates: 2 (n - 1) sums and 2 divisions; at worst all layers.
 
     Of eight means of six numbers the mean, the squares of what they are off, and T of their sums.
+    Two sums tell whether a second has passed.
     """
     six, off = buffer_mean(8, axes=6), Counter(sums=2 * 48, products=48)
     scaled = Counter(products=6) + Counter(sums=2 + 2 + 1, divisions=3)
     assert kinds(steps, "3", "window of 0.25 s means") == six + off + scaled
-    assert kinds(steps, "3", "fix") == Counter(sums=5, divisions=1)
+    assert kinds(steps, "3", "fix") == Counter(sums=5 + 2, divisions=1)
     # Two running means by a share of the step, and the square of their norm.
     assert kinds(steps, "3", "sample") == Counter(sums=2 * 2 + 1, products=2 + 2, divisions=1)
     first, second, third = (buffer_mean(n, axes=2) for n in at_rest.LowPass.lengths)

@@ -20,7 +20,8 @@ from collections import deque
 
 from analysis.tracker.vectors import GAP_S, configure
 
-JUMP_FIXES = 5  # in a row: a jump, and not a wild fix
+EVERY_S = 1.0  # s: buffers take in one speed and one fix of so long, or a slower receiver's each
+JUMP_FIXES = 5  # of these in a row: a jump, and not a wild fix
 BLOCK_S = 0.25  # s of a mean: an engine line of 20 Hz and more averages out
 SIGMA_FORCE = 0.12  # m/s^2, scatter of these means at rest at most; a moving car: 0.16 and more
 SIGMA_RATE = 0.0087  # rad/s, likewise: 0.5 deg/s; a moving car: 0.5 and more
@@ -40,7 +41,7 @@ class StaticTest:
     speed_threshold, wake_speed : float
         Thresholds of the filtered and of a single speed, m/s.
     speed_window : int
-        Epochs of the moving average of the speed.
+        Seconds of the moving average of the speed, or epochs of a slower receiver.
     accel_tau_s : float
         Time constant of the running mean of the acceleration, s; 0 takes each sample by itself.
         It is a fraction of an epoch, so waking takes less than one.
@@ -71,7 +72,7 @@ class StaticTest:
     def __init__(self, **changed):
         configure(self, changed)
         self.moving, self.quiet = True, None  # no input has come
-        self._speeds = deque((), self.speed_window)
+        self._speeds, self._since = deque((), self.speed_window), EVERY_S
         self._fast = self._accelerated = None
         self._ax = self._ay = self.norm = 0.0
 
@@ -91,8 +92,8 @@ class StaticTest:
             Whether it is moving.
         """
         share = dt / self.accel_tau_s if dt < self.accel_tau_s else 1.0
-        self._ax = self._ax + share * (ax - self._ax)
-        self._ay = self._ay + share * (ay - self._ay)
+        self._ax += share * (ax - self._ax)
+        self._ay += share * (ay - self._ay)
         self.norm = math.sqrt(self._ax * self._ax + self._ay * self._ay)
         self._accelerated = self.norm > self.theta_a
         return self._judge()
@@ -101,16 +102,19 @@ class StaticTest:
         """Forget the acceleration, for the IMU gives no samples: the speed decides alone."""
         self._accelerated, self.quiet, self._ax, self._ay = None, None, 0.0, 0.0
 
-    def drive(self, speed):
-        """Take in the speed of one GNSS epoch (m/s; NaN where there is none).
+    def drive(self, speed, dt=EVERY_S):
+        """Take in the speed of one GNSS epoch (m/s; NaN where there is none), ``dt`` s after one.
 
         Returns
         -------
         bool
             Whether it is moving.
         """
+        self._since += dt
         if speed == speed:
-            self._speeds.append(speed)
+            if self._since + 0.5 * dt >= EVERY_S:  # to the nearest epoch
+                self._speeds.append(speed)
+                self._since = 0.0
             mean = sum(self._speeds) / len(self._speeds)
             self._fast = mean > self.speed_threshold or speed > self.wake_speed
         return self._judge()
@@ -202,12 +206,12 @@ class RestDetector:
 
 
 class LowPass:
-    """Filter one position an epoch.
+    """Filter one position a second.
 
     Parameters
     ----------
     lengths : tuple of int
-        Sizes of the three buffers.
+        Sizes of the three buffers. The first is so many seconds; of a slower receiver, epochs.
     jump_m : float
         From the output: fixes that lie farther, `JUMP_FIXES` in a row, are of another place.
         Infinite: never.

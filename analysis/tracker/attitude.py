@@ -239,8 +239,9 @@ class Attitude:
         if length < WEIGHTLESS:
             self._clear_sums()
             return
-        unlike_gravity = abs(length - STANDARD_GRAVITY)
-        still = steady(gyro, square) and unlike_gravity < 0.1 * STANDARD_GRAVITY
+        scatter = max([s - m * m for m, s in zip(gyro, square)])
+        off = abs(length - STANDARD_GRAVITY)
+        still = scatter < STEADY * STEADY and off < 0.1 * STANDARD_GRAVITY
         down = [f * (-1 / length) for f in force]
         self.tilt.start(down, SIGMA_ACCEL / STANDARD_GRAVITY if still else 0.1)
         self.yaw.start(north(down, 0.0), math.pi)
@@ -464,11 +465,6 @@ def opposite(force):
     """Return the direction of down that a specific force at rest (sequence of 3) tells."""
     scale = -1 / max(math.sqrt(dot(force, force)), WEIGHTLESS)
     return [f * scale for f in force]
-
-
-def steady(mean, square):
-    """Return whether the scatter of a gyro with these means and mean squares is one at rest."""
-    return all(s - m * m < STEADY * STEADY for m, s in zip(mean, square))
 
 
 def north(down, heading):

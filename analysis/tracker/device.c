@@ -291,11 +291,14 @@ static void static_no_imu(StaticTest *b) {
   b->accelerated = b->quiet = UNKNOWN, b->ax = b->ay = 0;
 }
 
-static bool static_drive(StaticTest *b, number speed) {
+static bool static_drive(StaticTest *b, number speed, number dt) {
+  b->since += dt;
   if (known(speed)) {
-    b->speeds[b->next] = speed;
-    b->next = (b->next + 1) % STATIC_TEST_SPEED_WINDOW;
-    if (b->count < STATIC_TEST_SPEED_WINDOW) b->count++;
+    if (b->since + R(0.5) * dt >= AT_REST_EVERY_S) {
+      b->speeds[b->next] = speed, b->since = 0;
+      b->next = (b->next + 1) % STATIC_TEST_SPEED_WINDOW;
+      if (b->count < STATIC_TEST_SPEED_WINDOW) b->count++;
+    }
     number total = 0;
     EACH(k, b->count) total += b->speeds[k];
     bool fast = total / R(b->count) > STATIC_TEST_SPEED_THRESHOLD || speed > STATIC_TEST_WAKE_SPEED;
@@ -479,23 +482,14 @@ static void attitude_start(Attitude *b) { // Attitude.__init__
   bias_start(&b->bias, none, ATTITUDE_SIGMA_BIAS_START);
 }
 
-static void attitude_north(const Attitude *b, number out[3]) { // first axis of Attitude.C_nb
-  const number *down = b->tilt.x;
-  number k = dot(b->yaw.x, down);
-  EACH(i, 3) out[i] = b->yaw.x[i] - k * down[i];
-  number square = dot(out, out);
-  if (square < ATTITUDE_ON_END) {
-    north_of(out, down, 0);
-    return;
-  }
-  number scale = 1 / root(square);
-  EACH(i, 3) out[i] *= scale;
-}
-
 static void attitude_C_nb(const Attitude *b, number C[3][3]) {
-  attitude_north(b, C[0]);
-  cross(C[1], b->tilt.x, C[0]);
-  copy(C[2], b->tilt.x);
+  const number *down = b->tilt.x;
+  number along = dot(b->yaw.x, down);
+  EACH(i, 3) C[0][i] = b->yaw.x[i] - along * down[i];
+  if (dot(C[0], C[0]) < ATTITUDE_ON_END) north_of(C[0], down, 0);
+  else unit(C[0]);
+  cross(C[1], down, C[0]);
+  copy(C[2], down);
 }
 
 static void attitude_angles(const Attitude *b, Row *row) {
@@ -535,7 +529,7 @@ static void attitude_align(Attitude *b, const number accel_b[3]) {
   bool still = true;
   EACH(k, 3) {
     gyro[k] = b->gyro[k] * scale, force[k] = b->accel[k] * scale;
-    number scatter = b->gyro_square[k] * scale - gyro[k] * gyro[k]; // steady
+    number scatter = b->gyro_square[k] * scale - gyro[k] * gyro[k];
     still = still && scatter < SQUARE(ATTITUDE_STEADY);
   }
   number length = root(dot(force, force));
@@ -655,15 +649,15 @@ static void attitude_epoch(Attitude *b, bool is_static, number heading, number s
   }
   b->has_before = false;
   if (!b->ready || !b->samples) return;
-  number *down = b->tilt.x, target[3], before[3], spin = NONE;
-  attitude_north(b, b->yaw.x);
+  number *down = b->tilt.x, target[3], C[3][3], spin = NONE;
+  attitude_C_nb(b, C);
+  copy(b->yaw.x, C[0]);
   if (known(heading)) {
     north_of(target, down, heading);
     if (b->heading_known) {
-      copy(before, b->yaw.x);
       direction_update(&b->yaw, target, sigma * sigma);
-      cross(before, before, b->yaw.x);
-      spin = dot(before, down);
+      cross(C[0], C[0], b->yaw.x);
+      spin = dot(C[0], down);
     } else {
       direction_start(&b->yaw, target, sigma);
       b->heading_known = true;
@@ -1070,7 +1064,7 @@ static Constrained *car_of(const Device *d) {
 }
 
 void device_start(Device *d, const Stored *stored, bool has_imu, Constrained *constrained) {
-  *d = (Device){.slow = true, .speed = NONE, .squares = {NONE, NONE}};
+  *d = (Device){.before = NONE, .t_before = -INFINITY, .squares = {NONE, NONE}};
   d->unaided = R(0.25) * SQUARE(OPTIONS_SIGMA_UNAIDED);
   d->t_imu = d->t_fusion = d->t_epoch = NAN, d->t_fix = -INFINITY;
   if (!OPTIONS_LAST_POSITION || !stored || !stored->known) stored = NULL;
@@ -1078,7 +1072,7 @@ void device_start(Device *d, const Stored *stored, bool has_imu, Constrained *co
   if (stored) frame_start(&d->frame, &stored->at), d->has_ned = true;
   d->has_attitude = OPTIONS_ATTITUDE && has_imu;
   attitude_start(&d->attitude);
-  d->still = (StaticTest){true, UNKNOWN, UNKNOWN, UNKNOWN, {0}, 0, 0, 0, 0};
+  d->still = (StaticTest){true, UNKNOWN, UNKNOWN, UNKNOWN, {0}, AT_REST_EVERY_S, 0, 0, 0, 0};
   rest_reset(&d->rest);
   mounting_start(&d->mounting);
   d->fuses = OPTIONS_FUSION && (OPTIONS_FILTER_BLOCK6 || OPTIONS_FILTER_CAR) && d->has_attitude;
@@ -1151,7 +1145,8 @@ void device_imu(Device *d, wide t_s, const number gyro_b[3], const number accel_
   Attitude *block = &d->attitude;
   if (REST_DETECTOR_REST_BLOCKS) {
     bool quiet = rest_sample(&d->rest, gyro_b, accel_b, dt);
-    if (quiet && d->slow && d->still.moving && block->ready)
+    bool slow = d->pace < OPTIONS_SPEED_THRESHOLD;
+    if (quiet && slow && d->still.moving && block->ready)
       attitude_restart(block, d->rest.force, d->rest.rate);
     d->still.quiet = d->rest.steady ? YES : NO;
   }
@@ -1183,27 +1178,21 @@ void device_imu(Device *d, wide t_s, const number gyro_b[3], const number accel_
   }
 }
 
-static bool device_rests(Device *d, number speed) {
-  if (known(speed)) {
-    d->pace = speed;
-    d->slow = !(speed >= OPTIONS_SPEED_THRESHOLD);
-  }
-  bool now = static_drive(&d->still, speed), moved = now || d->moved;
+static bool device_rests(Device *d, number speed, number dt) {
+  if (known(speed)) d->pace = speed;
+  bool now = static_drive(&d->still, speed, dt), moved = now || d->moved;
   d->moved = false;
   return !moved;
 }
 
 // NULL where there is no fix.
 static number device_by_fixes(Device *d, wide t_s, const number *fix, number speed, number course) {
-  if (fix) {
-    if (d->held == DEVICE_HELD) d->first = (d->first + 1) % DEVICE_HELD, d->held--;
-    Fix *last = &d->fixes[(d->first + d->held++) % DEVICE_HELD];
-    *last = (Fix){t_s, {fix[0], fix[1], fix[2]}, speed, course};
-  }
-  while (d->held && t_s - d->fixes[d->first].t_s > (wide)DEVICE_FIXES_S)
-    d->first = (d->first + 1) % DEVICE_HELD, d->held--;
+  if (fix && d->held < DEVICE_HELD)
+    d->fixes[d->held++] = (Fix){t_s, {fix[0], fix[1], fix[2]}, speed, course};
+  while (d->held && t_s - d->fixes[0].t_s > (wide)DEVICE_FIXES_S)
+    for (int k = 0, left = --d->held; k < left; k++) d->fixes[k] = d->fixes[k + 1];
   if (!d->held) return NONE;
-  const Fix *was = &d->fixes[d->first], *now = &d->fixes[(d->first + d->held - 1) % DEVICE_HELD];
+  const Fix *was = d->fixes, *now = &d->fixes[d->held - 1];
   wide seconds = now->t_s - was->t_s;
   if (seconds < (wide)(DEVICE_FIXES_S / 2)) return NONE;
   number T = R(seconds), north = now->fix[0] - was->fix[0], east = now->fix[1] - was->fix[1];
@@ -1217,14 +1206,15 @@ static number device_by_fixes(Device *d, wide t_s, const number *fix, number spe
   return norm(north, east) / T;
 }
 
-static number device_vehicle(Device *d, number speed, number yaw_rate, number dt) {
-  number before = d->speed, square = NONE;
-  d->speed = speed;
-  if (known(speed) && known(before) && dt > 0 && known(yaw_rate))
-    square = SQUARE((speed - before) / dt) + SQUARE(speed * yaw_rate);
-  d->squares[0] = d->squares[1], d->squares[1] = square;
-  if (!known(d->squares[0]) || !known(square)) return NONE;
-  return most(d->squares[0], square);
+static number device_vehicle(Device *d, wide t_s, number speed, number yaw_rate, number dt) {
+  wide seconds = t_s - d->t_before;
+  bool waits = !known(yaw_rate) && seconds <= (wide)DEVICE_GAP_S;
+  if (seconds + (wide)(R(0.5) * dt) >= (wide)AT_REST_EVERY_S && !waits) {
+    d->squares[0] = d->squares[1];
+    d->squares[1] = SQUARE((speed - d->before) / R(seconds)) + SQUARE(speed * yaw_rate);
+    d->t_before = t_s, d->before = speed;
+  }
+  return known(d->squares[0] + d->squares[1]) ? most(d->squares[0], d->squares[1]) : NONE;
 }
 
 static void device_orient(Device *d, wide t_s, bool moving, bool rests, number course,
@@ -1259,7 +1249,7 @@ static void device_orient(Device *d, wide t_s, bool moving, bool rests, number c
     heading = wrap(course + or_zero(d->mounting.mount));
     sigma = most(OPTIONS_SIGMA_SPEED / speed, R(PI / 180));
   }
-  number vehicle = device_vehicle(d, speed, attitude_yaw_rate(block), dt);
+  number vehicle = device_vehicle(d, t_s, speed, attitude_yaw_rate(block), dt);
   attitude_epoch(block, rests, heading, sigma, vehicle);
 }
 
@@ -1296,7 +1286,7 @@ static Constrained *device_constrain(Device *d, const number *fix, const number 
   if (car) {
     car_reach(car, later);
     car_update(car, fix, velocity, sigma_p, sigma_v);
-  } else if (device_sighted(d) && fix && velocity && d->speed > DEVICE_FAST) {
+  } else if (device_sighted(d) && fix && velocity && d->pace > DEVICE_FAST) {
     number down[3], mount = or_zero(d->mounting.mount);
     opposite(down, d->upright.mean);
     car_start(d->constrained, fix, velocity, &d->attitude, down, mount, sigma_p, sigma_v);
@@ -1389,11 +1379,13 @@ Row device_gnss(Device *d, const Epoch *given) {
   d->gives_speed = d->gives_speed || known(e->speed);
   bool no_imu = device_without_imu(d, e->t_s);
   if (no_imu) static_no_imu(&d->still);
-  number by_fixes = device_by_fixes(d, e->t_s, fix, speed, course);
+  wide last = d->held ? d->fixes[d->held - 1].t_s : (wide)-INFINITY;
+  bool each = accepted && e->t_s - last + apart / 2 >= (wide)AT_REST_EVERY_S;
+  number by_fixes = device_by_fixes(d, e->t_s, each ? fix : NULL, speed, course);
   number told = d->gives_speed ? speed : by_fixes;
   const Constrained *car = car_of(d);
   if (!known(told) && car && !car_may_rest(car, R(INFINITY))) told = CONSTRAINED_CREEP;
-  bool rests = device_rests(d, told);
+  bool rests = device_rests(d, told, R(apart));
   bool moving = !(rests && OPTIONS_STATIC);
   device_orient(d, e->t_s, moving, rests, course, speed, R(apart));
   wide silent = d->has_attitude ? apart : e->t_s - d->t_fix;
@@ -1401,7 +1393,7 @@ Row device_gnss(Device *d, const Epoch *given) {
   if (accepted) {
     d->t_fix = e->t_s;
     d->left = (Fix){e->t_s, {ned[0], ned[1], ned[2]}, speed, course}, d->has_left = true;
-    if (!moving && OPTIONS_LOW_PASS) low_pass_step(&d->low_pass, ned);
+    if (each && !moving && OPTIONS_LOW_PASS) low_pass_step(&d->low_pass, ned);
   }
   int layer = d->low_pass.layer;
   device_fuse(d, e, fix, moving, layer);

@@ -64,7 +64,7 @@ typedef struct {
 typedef struct {
   bool moving;
   Maybe quiet, fast, accelerated;
-  number speeds[STATIC_TEST_SPEED_WINDOW], ax, ay;
+  number speeds[STATIC_TEST_SPEED_WINDOW], since, ax, ay;
   int count, next;
 } StaticTest;
 
@@ -130,7 +130,7 @@ typedef struct {
 } Fix;
 
 typedef struct {
-  bool has_attitude, fuses, has_ned, has_left, gives_speed, moved, slow, rested;
+  bool has_attitude, fuses, has_ned, has_left, gives_speed, moved, rested;
   LastPosition last;
   Frame frame;
   Attitude attitude;
@@ -141,10 +141,10 @@ typedef struct {
   MountingYaw mounting;
   Fusion fusion;
   Constrained *constrained;
-  number ned[3], speed, pace, lasting, apart, squares[2], unaided, sum[5];
-  wide t_imu, t_fusion, t_epoch, t_fix, shift;
-  Fix left, fixes[DEVICE_HELD]; // of the last seconds at 10 Hz; of more, the oldest go
-  int first, held, samples;
+  number ned[3], before, pace, lasting, apart, squares[2], unaided, sum[5];
+  wide t_imu, t_fusion, t_epoch, t_fix, t_before, shift;
+  Fix left, fixes[DEVICE_HELD]; // of the last seconds, one a second
+  int held, samples;
 } Device;
 
 // `stored` may be NULL; so may `constrained`, the memory of the filter for cars, where it is not

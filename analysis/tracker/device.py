@@ -10,7 +10,7 @@ during an outage.
 import math
 from collections import namedtuple
 
-from analysis.tracker.at_rest import LowPass, RestDetector, StaticTest
+from analysis.tracker.at_rest import EVERY_S, LowPass, RestDetector, StaticTest
 from analysis.tracker.attitude import GAP_S, Attitude, Upright, angles
 from analysis.tracker.constrained import CREEP, Constrained
 from analysis.tracker.fusion import Fusion
@@ -22,7 +22,7 @@ FAST = 3.0  # m/s, from which the constrained filter starts: a course is good to
 RATE, FORCE = 200.0, 2000.0  # rad/s, m/s^2: more than a sensor can mean
 SPEED, HEIGHT = 2000.0, 1e5  # m/s, m: likewise
 FIXES_S = 5.0  # s over which fixes give a speed, where a receiver reports none
-LEARNT = 100.0  # fixes over which the error of going straight on is averaged
+LEARNT = 100.0  # s over which the error of going straight on is averaged
 BLOCKS = ("last_position", "attitude", "static", "low_pass", "mounting", "fusion")
 FILTERS = ("car", "block6", "constant-velocity", "none")
 
@@ -151,11 +151,11 @@ class Device:
         self._t_imu = self._t_fusion = self._t_epoch = None
         self._t_fix = -math.inf
         self._shift = self._lasting = 0.0
-        self._moved, self._slow = False, True
+        self._moved = False
         self.gives_speed, self._fixes = False, []
         self._unaided = 0.25 * on.sigma_unaided * on.sigma_unaided
         self._rested, self._left = False, None
-        self._speed, self._squares, self._pace = math.nan, (None, None), 0.0
+        self._before, self._pace = (-math.inf, math.nan, math.nan, math.nan), 0.0
         self._sum = [0.0] * 7  # horizontal and whole acceleration, its square, samples
         self._apart = 0.0  # s from the last epoch that had samples to the one before this
 
@@ -176,7 +176,8 @@ class Device:
         rest = self.rest
         if rest:
             quiet = rest.sample(gyro_b, accel_b, dt)
-            if quiet and self._slow and self.static.moving and block.ready:
+            slow = self._pace < self.options.speed_threshold
+            if quiet and slow and self.static.moving and block.ready:
                 block.restart(rest.force, rest.rate)
             self.static.quiet = rest.steady
         last = block.last
@@ -220,8 +221,7 @@ class Device:
         epoch = self._known(epoch)
         dt = 0.0 if self._t_epoch is None else epoch.t_s - self._t_epoch
         self._t_epoch = epoch.t_s
-        measured = epoch.mode, epoch.satellites, epoch.speed, epoch.course
-        accepted = self.last.step(epoch.t_s, epoch.fix, epoch.pdop, *measured)
+        accepted = self.last.step(*epoch)
         if accepted and self.last.accepted == 1:  # the stored position may be far away
             self.frame = Frame(epoch.fix)
         if self.last.position is None:  # contradicted
@@ -232,11 +232,13 @@ class Device:
         no_imu = self._without_imu(epoch.t_s)
         if no_imu:
             self.static.no_imu()
-        by_fixes = self._by_fixes(epoch.t_s, fix, speed, course)
+        last_s = self._fixes[-1][0] if self._fixes else -math.inf
+        each = accepted and epoch.t_s - last_s + 0.5 * dt >= EVERY_S  # of a fast receiver
+        by_fixes = self._by_fixes(epoch.t_s, fix if each else None, speed, course)
         told, car = speed if self.gives_speed else by_fixes, self.constrained
         if told != told and car and car.started and not car.may_rest(math.inf):
             told = CREEP  # or more: to the IMU alone steady motion in an outage looks like rest
-        rests = self._rests(told)
+        rests = self._rests(told, dt)
         moving = not (rests and self.options.static)
         self._orient(epoch.t_s, moving, rests, course, speed, dt)
         silent = dt if self.attitude else epoch.t_s - self._t_fix
@@ -245,16 +247,13 @@ class Device:
         if accepted:
             self._t_fix = epoch.t_s
             self._left = (fix, speed, course)
-            if not moving and self.options.low_pass:
+            if each and not moving and self.options.low_pass:
                 self.low_pass.step(fix)
         layer = self.low_pass.layer
         self._fuse(epoch, fix, moving, layer)
-        roll, pitch, yaw = (math.nan,) * 3
+        roll = pitch = yaw = math.nan
         if self.attitude and not no_imu:
-            if car and car.started:
-                roll, pitch, yaw = angles(car.C_nb)
-            else:
-                roll, pitch, yaw = self.attitude.angles
+            roll, pitch, yaw = angles(car.C_nb) if car and car.started else self.attitude.angles
             if not self._sighted():  # a course without the mounting angle is that of the vehicle
                 yaw = math.nan
         lat, lon = self.frame.degrees(self.ned) if self.ned else (math.nan, math.nan)
@@ -295,13 +294,11 @@ class Device:
         course = course if abs(course) < math.inf else math.nan
         return Epoch(max(before, t_s), fix, pdop, speed, course, mode, satellites)
 
-    def _rests(self, speed):
+    def _rests(self, speed, dt):
         """Ask block 3; a motion at any sample since the last epoch counts."""
         if speed == speed:  # without one, it is as fast as it was: an outage is no rest
             self._pace = speed
-            self._slow = not speed >= self.options.speed_threshold
-        now = self.static.drive(speed)
-        moved, self._moved = now or self._moved, False
+        moved, self._moved = self.static.drive(speed, dt) or self._moved, False
         return not moved
 
     def _by_fixes(self, t_s, fix, speed, course):
@@ -310,13 +307,14 @@ class Device:
         Also learn how far off it would have led to go on at the speed and course of the first.
         """
         if fix:
-            self._fixes.append((t_s, fix, speed, course))
+            self._fixes.append((t_s, fix[0], fix[1], speed, course))
         while self._fixes and t_s - self._fixes[0][0] > FIXES_S:
             self._fixes.pop(0)
         if not self._fixes:
             return math.nan
-        (since, was, speed, course), (until, now, _, _) = self._fixes[0], self._fixes[-1]
-        T, north, east = until - since, now[0] - was[0], now[1] - was[1]
+        since, north, east, speed, course = self._fixes[0]
+        until, to_north, to_east, _, _ = self._fixes[-1]
+        T, north, east = until - since, to_north - north, to_east - east
         if T < FIXES_S / 2:
             return math.nan
         metres = speed * T
@@ -355,20 +353,22 @@ class Device:
         if driving:
             heading = wrap(course + (self.mounting.mount or 0.0))
             sigma = max(self.options.sigma_speed / speed, math.radians(1.0))
-        block.epoch(rests, heading, sigma, self._vehicle(speed, block.yaw_rate, dt))
+        block.epoch(rests, heading, sigma, self._vehicle(t_s, speed, block.yaw_rate, dt))
 
-    def _vehicle(self, speed, yaw_rate, dt):
+    def _vehicle(self, t_s, speed, yaw_rate, dt):
         """Square of the horizontal acceleration by GNSS speed and yaw rate; the larger of two.
 
-        Receivers smooth their speed, so an acceleration shows an epoch late.
+        Each over a second or more: a fast receiver has epochs without a sample, and its noise would
+        hide the acceleration. Receivers smooth their speed, so it shows an epoch late.
         """
-        before, self._speed = self._speed, speed
-        if not (speed == speed and before == before and dt > 0 and yaw_rate == yaw_rate):
-            self._squares = (self._squares[1], None)
-        else:
-            forward, lateral = (speed - before) / dt, speed * yaw_rate
-            self._squares = (self._squares[1], forward * forward + lateral * lateral)
-        return None if None in self._squares else max(self._squares)
+        since, before, square, last = self._before
+        seconds = t_s - since
+        waits = yaw_rate != yaw_rate and seconds <= GAP_S
+        if seconds + 0.5 * dt >= EVERY_S and not waits:
+            forward, lateral = (speed - before) / seconds, speed * yaw_rate
+            square, last = last, forward * forward + lateral * lateral
+            self._before = t_s, speed, square, last
+        return max(square, last) if square + last == square + last else None
 
     def _fuse(self, epoch, fix, moving, layer):
         """Run block 6, and choose what is put out."""
@@ -449,7 +449,7 @@ class Device:
         if car.started:
             car.reach(later)
             car.update(fix, velocity, sigma_p, sigma_v)
-        elif self._sighted() and fix and velocity and self._speed > FAST:
+        elif self._sighted() and fix and velocity and self._pace > FAST:
             attitude = block.C_nb, block.bias.x, self.upright.down
             doubt = block.tilt.p, max(block.bias.P[i][i] for i in (0, 1, 2))
             mount = self.mounting.mount or 0.0

@@ -122,7 +122,7 @@ class LastPosition:
             self.position = self._memory = None
 
     def step(
-        self, t_s, fix, pdop, mode=math.nan, satellites=math.nan, speed=math.nan, course=math.nan
+        self, t_s, fix, pdop, speed=math.nan, course=math.nan, mode=math.nan, satellites=math.nan
     ):
         """Judge one epoch; every number but the time is NaN where it is not known.
 
@@ -132,12 +132,12 @@ class LastPosition:
         fix : (lat_deg, lon_deg, height_m) or None
             None where the receiver has no fix.
         pdop : float
+        speed, course : float
+            Over ground, m/s and rad.
         mode : float
             2 or 3 dimensions.
         satellites : float
             In the solution.
-        speed, course : float
-            Over ground, m/s and rad.
 
         Returns
         -------

@@ -394,7 +394,7 @@ def _remarks(timeline, options, columns, devices, unexplained, lag, moves):
             yield "no_speed", {}
     device = devices[-1]
     bridged = device.last.bridged_s
-    if held := _held(columns, bridged):
+    if held := _held(columns, bridged, timeline.restarts_s):
         yield "held", {"epochs": held, "bridged": bridged}
     from_s, stood_s = _stood(columns, gnss.speed_m_s)
     if imu is not None and stood_s > LOST_S:
@@ -407,11 +407,12 @@ def _remarks(timeline, options, columns, devices, unexplained, lag, moves):
         yield "far", {"distance": distance / 1000}
 
 
-def _held(columns, bridged):
+def _held(columns, bridged, restarts_s):
     """Count the epochs in motion at which an outage has lasted for too long to be bridged."""
     t, accepted = columns["t_s"], columns["accepted"].astype(bool)
-    since = t - np.maximum.accumulate(np.where(accepted, t, -np.inf))
-    late = np.isfinite(since) & (since > bridged) & (columns["moving"] == 1)
+    last = np.maximum.accumulate(np.where(accepted, t, -np.inf))
+    on = np.array([-np.inf, *restarts_s])[np.searchsorted(restarts_s, t, side="right")]
+    late = np.isfinite(last) & (last >= on) & (t - last > bridged) & (columns["moving"] == 1)
     return int((late & np.isfinite(columns["out_lat_deg"])).sum())
 
 

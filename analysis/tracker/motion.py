@@ -17,12 +17,13 @@ from sensorlogs.timeline import METRES_PER_DEGREE, Gnss, Imu
 
 LAGS = np.linspace(-3.0, 3.0, 61)  # s, of GNSS behind IMU
 FEWEST, BLOCK, DRAWS = 60, 20, 200  # epochs, epochs, draws of the bootstrap
-LAG_NEAR = 1.5  # usual steps: epochs farther apart are not compared
+NEAR = 1.5  # usual steps: epochs farther apart are not compared
 LAG_LEFT = 0.75  # of the variance that the fit may leave: else nothing much has changed
 LAG_WIDEST = 1.0  # s, interval of a lag that is worth a number
 FAST = 3.0  # m/s: a course is good to some degrees
 OVER_S = 4.0  # s: fixes of some metres give a course while a vehicle drives
-STEP_S, LONGEST, SLOWEST = 1.0, 1.5, 2.0  # s (about, at most), m/s: steps that tell how it moves
+# Steps that tell how it moves: s (about, at most; over longer ones rocking averages out), m/s.
+STEP_S, LONGEST, SLOWEST = 1.0, 3.0, 2.0
 HALF = 0.5  # between a vehicle on wheels (1) and one that leans into its turns (0)
 TILTS = 2.0  # deg/s, median: four times what roads do to a car (data/derived/tracker-vehicles)
 
@@ -80,7 +81,8 @@ def steps(gnss: Gnss, imu: Imu) -> Steps:
     Parameters
     ----------
     gnss : Gnss
-        Of more than one fix a second about one counts: noise would drown the changes.
+        Of more than one fix a second about one counts: noise would drown the changes. Of fixes
+        3 s apart and more, none does.
     imu : Imu
 
     Returns
@@ -96,10 +98,10 @@ def steps(gnss: Gnss, imu: Imu) -> Steps:
     force, rate = np.split(sums / np.maximum(count, 1), 2)
     dt, mean_v = np.diff(t), (v[1:] + v[:-1]) / 2
     turned = np.radians(wrap(np.diff(course)))
-    use = (dt > 0) & (dt < LONGEST) & (mean_v > SLOWEST) & np.isfinite(turned) & (count > 0)
-    dt = dt[use]
-    columns = mean_v[use], np.diff(v)[use] / dt, turned[use] / dt, force.T[use], rate.T[use]
-    return Steps(dt, *columns)
+    near = dt < min(NEAR * max(STEP_S, np.median(dt)), LONGEST)
+    use = near & (mean_v > SLOWEST) & np.isfinite(turned) & (count > 0)
+    columns = dt, mean_v, np.diff(v) / dt, turned / dt, force.T, rate.T
+    return Steps(*(of[use] for of in columns))
 
 
 def _thinned(gnss):
@@ -227,7 +229,7 @@ def time_lag(gnss: Gnss, imu: Imu) -> Estimate:
     t, v, course = _thinned(gnss)
     dt, mean_v = np.diff(t), (v[1:] + v[:-1]) / 2
     course = np.radians(wrap(np.diff(course)))
-    near = dt < LAG_NEAR * np.median(dt)
+    near = dt < NEAR * np.median(dt)
     fits = []
     for change, readings, slowest in ((np.diff(v), imu.accel_b, 0.0), (course, imu.gyro_b, FAST)):
         use = near & np.isfinite(change) & (mean_v > slowest)

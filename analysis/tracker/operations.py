@@ -244,7 +244,7 @@ def block_costs(rate: float = 40.0) -> pd.DataFrame:
     dt, here = 1 / rate, (1.0, 2.0)
     motion = (0.0, 0.0, 0.1), (0.3, 0.0, -STANDARD_GRAVITY), dt
     driven = _after(StaticTest().drive, [(3.0,)] * (StaticTest.speed_window - 1))
-    told = 2.0, 3, 8, 5.0, 0.3
+    told = 2.0, 5.0, 0.3, 3, 8
     fixes = [(float(k), (44.0 + 4.5e-5 * k, 11.0, 0.0), *told) for k in range(20)]
     fixed = _after(LastPosition().step, fixes)
     settled = _after(LowPass(lengths=(1,)).step, [(here,)]).__self__

@@ -35,7 +35,6 @@ from feed import flat  # noqa: E402
 
 TRACKER = ROOT / "analysis" / "tracker"
 MODULES = (vectors, last_position, at_rest, attitude, mounting, fusion, constrained, joined)
-GNSS_HZ = 10  # of the epochs that the buffer of `Device._by_fixes` is made for
 STRICT = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror")
 CORTEX = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", "-fno-math-errno")
 COMPILERS = {"host": ("gcc",), "cortex": ("arm-none-eabi-gcc", *CORTEX)}
@@ -74,7 +73,7 @@ def thresholds(**changed):
     found |= _named("options", vars(Options), {k: getattr(options, k) for k in vars(Options)})
     found |= {f"OPTIONS_FILTER_{k.upper().replace('-', '_')}": options.filter == k for k in FILTERS}
     found["DEVICE_COASTS"] = device.coast_s
-    found["DEVICE_HELD"] = int(joined.FIXES_S) * GNSS_HZ + 2
+    found["DEVICE_HELD"] = int(1.5 * joined.FIXES_S) + 2  # one a second: 2/3 s apart and more
     lines = (f"#define {name} {_literal(value)}" for name, value in found.items())
     return "// Written by tests/device/compiled.py\n" + "\n".join(lines) + "\n"
 
