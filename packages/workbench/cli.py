@@ -309,7 +309,7 @@ def replay(
     what each block did) and track.gpx. yaw_deg is the heading of the sensor's X axis, mount_deg its
     angle clockwise from the vehicle's heading. Sigmas and correlation are those of the position put
     out, and of the angles with the filter for cars. The thresholds in summary.json, under options,
-    are in SI units (theta_alpha in rad^2); lengths are counts.
+    are in SI units (theta_alpha in rad^2); lengths are counts, of one fix a second.
     """
     from workbench import track as page
 
