@@ -257,7 +257,7 @@ def test_refusals(tmp_path, monkeypatch, case, good):
     assert files(tmp_path / "mine") == files(good.folder)
 
 
-BUSY = """
+BUSY = """LAST = False
 import multiprocessing, runpy, sys, threading, time
 from analysis import static_logs
 from workbench import report
@@ -265,7 +265,11 @@ def busy(*_, **__):
     child = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,))
     child.start()
     print(child.pid, flush=True)
+    if LAST:
+        Last()
     time.sleep(60)
+class Last:
+    __del__ = lambda self: time.sleep(60)
 def compute(log):
     threading.Thread(target=time.sleep, args=(60,)).start()
     return characterise(log)
@@ -298,12 +302,17 @@ def to_be_stopped(folder, script, *words, ending=signal.SIGINT):
     (folder / "program.py").unlink()
 
 
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_ctrl_c_and_kill_end_all_at_once(ending, tmp_path):
-    """Property: with a draft written, a process and a thread at work: said, gone, status 130."""
+@pytest.mark.parametrize(("ending", "last"), [
+    (signal.SIGINT, False), (signal.SIGTERM, False), (signal.SIGHUP, False), (signal.SIGINT, True),
+])  # fmt: skip
+def test_ctrl_c_and_kill_end_all_at_once(ending, last, tmp_path):
+    """Property: with a draft written, a process and a thread at work: said, gone, status 130.
+
+    Also in a finalizer, where Python passes over the exception: the run went on, to status 0.
+    """
     write(tmp_path)
-    words = ["report", "my.csv", "--out", "mine"]
-    with to_be_stopped(tmp_path, BUSY, *words, ending=ending) as (program, children):
+    words, script = ["report", "my.csv", "--out", "mine"], BUSY.replace("False", str(last), 1)
+    with to_be_stopped(tmp_path, script, *words, ending=ending) as (program, children):
         children.append(int(program.stdout.readline()))
         assert any(p.name.startswith(".mine") for p in tmp_path.iterdir())
     assert os.listdir(tmp_path) == ["my.csv"]

@@ -178,7 +178,9 @@ def test_pool_writes_what_it_prints(tmp_path, axes, capsys):
         assert arw["value"] / np.sqrt(DT) == pytest.approx(white["value"], abs=thousandth)
         assert channel["spread"].keys() == channel["parameters"].keys()
         assert f"{channel['name']} (deg/s)" in out
-    assert "between units" in out and str(tmp_path) not in json.dumps(found)
+    what = "(deg/s): 6 axes of 3 units", "between axes"
+    assert all(w in out for w in (what if axes else ("(deg/s): 3 units\n", "between units")))
+    assert str(tmp_path) not in json.dumps(found)
 
 
 def test_a_line_in_temperature_is_no_noise_of_the_units(tmp_path, capsys):

@@ -9,10 +9,13 @@ import contextlib
 import functools
 import inspect
 import math
+import os
 import shlex
+import signal
 import sys
 import tempfile
 import textwrap
+import threading
 import tomllib
 from importlib.metadata import version
 from pathlib import Path
@@ -692,6 +695,13 @@ def benchmark(out=None):
         print(f"\n{out}/source.json and benchmark.csv are written")
 
 
+def _stop_again(passed_over):
+    """Stop a moment later where Ctrl-C fell into a finalizer, whose errors Python passes over."""
+    if passed_over.exc_type is KeyboardInterrupt:
+        threading.Timer(0.1, os.kill, [os.getpid(), signal.SIGINT]).start()
+    sys.__unraisablehook__(passed_over)
+
+
 def main(arguments=None):
     """Run one verb.
 
@@ -705,6 +715,7 @@ def main(arguments=None):
     int
         Exit status.
     """
+    sys.unraisablehook = _stop_again
     try:
         typed = sys.argv[1:] if arguments is None else arguments
         app(arguments, prog_name="python -m analysis", obj=typed)

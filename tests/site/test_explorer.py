@@ -174,6 +174,7 @@ def test_a_link_keeps_the_state(gyro, visit, folder):
         ("b", "500", "outside the computed range: B 0.036 °/h to 360 °/h"),
         ("n", "two", "'two' is no number above zero"), ("b", "", "is no number above zero"),
         ("usd", "-5", "'-5' is no number above zero"),
+        ("usd", "1,000", "'1,000' may be 1000 or 1; write it without a comma"),
     ],
 )  # fmt: skip
 def test_what_is_outside_is_refused(gyro, field, typed, says):

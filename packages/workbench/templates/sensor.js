@@ -94,6 +94,9 @@ class Quantity {
 
   type(text) {
     const x = Number(text.trim().replace(",", ".").replace("−", "-"));
+    if (/^[1-9]\d{0,2},\d{3}$/.test(text.trim())) { // a comma of thousands, or of decimals
+      return this.refused(`${this.symbol}: '${text}' may be ${text.replace(",", "")} or ${x}; write it without a comma.`);
+    }
     if (text.trim() === "" || !isFinite(x) || x < 0 || (x === 0 && !this.off)) {
       return this.refused(`${this.symbol}: '${text}' is no number above zero${this.off ? " (0 leaves the term out)" : ""}.`);
     }
