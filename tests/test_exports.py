@@ -228,7 +228,8 @@ def test_the_unit_of_the_log_does_not_matter(gyro, accel):
 def test_a_triad_mean_keeps_power():
     """Property: one number for three axes keeps the mean of N^2, of sigma_b^2 and of K^2.
 
-    It is of the axes that are in the log; the others are off.
+    It is of the axes that are in the log; the others are off. With one T_c for three axes each
+    keeps its K^2, and none is above its own Allan deviation: one had 3.3 times its K.
     """
     different = [("x", 1e-4, 1e-5, 50.0), ("y", 2e-4, 3e-5, 500.0), ("z", 3e-4, 2e-5, 200.0)]
     found = gyroscope(model(*(channel("gyroscope", *row) for row in different)))
@@ -238,6 +239,15 @@ def test_a_triad_mean_keeps_power():
     assert mean_sigma == pytest.approx(rms(sigma))
     assert 2 * mean_sigma**2 / mean_time == pytest.approx(np.mean(2 * sigma**2 / time))
     assert min(time) < mean_time < max(time)
+    texts = exports.files(model(*(channel("gyroscope", *row) for row in different)))
+    for axis, _, own_size, own_time in different:
+        got = imu_sensor(texts, "gyroscope", axis)
+        size, time = got["step"] / np.sqrt(1 - got["phi"] ** 2), -DT / np.log(got["phi"])
+        assert time == pytest.approx(50.0)
+        assert size**2 / time == pytest.approx(own_size**2 / own_time)
+        processes = (time, size), (own_time, own_size)
+        adev, own = (UnifiedModel(1e-9, *of).adev(np.geomspace(1, 1e5, 40), DT) for of in processes)
+        assert (adev <= own * (1 + 1e-5)).all()
     texts = exports.files(model(channel("gyroscope", *different[1])))
     assert python(texts["pyins_imu.py"])["GYRO"]["noise"] == pytest.approx([0.0, 2e-4, 0.0])
     assert yaml.safe_load(texts["imu.yaml"])["gyroscope_noise_density"] == pytest.approx(2e-4)

@@ -117,6 +117,16 @@ class Triad:
         power, walk = np.mean(sigma**2), np.mean(2 * sigma**2 / time)
         return float(np.sqrt(power)), float(2 * power / walk)
 
+    def of_one_filter(self):
+        """Shortest T_c, s, or None, and the size of each axis' bias with this T_c.
+
+        Every axis keeps its random walk 2 sigma_b^2 / T_c, and is nowhere above its own Allan
+        deviation; one that is slower has less at long times.
+        """
+        time = min((axis["corr_time"] for axis in self.having("gauss_markov")), default=None)
+        own = zip(self.each("gauss_markov"), self.each("corr_time"), strict=True)
+        return time, [size and size * min(1.0, np.sqrt(time / of)) for size, of in own]
+
 
 def files(model, *, strict=False):
     """Write every export of a model.json.
