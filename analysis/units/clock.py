@@ -21,6 +21,7 @@ from analysis import CannotAnswer, Estimate
 from analysis.noise.position import effective_samples
 from analysis.units.frame import Track, interpolated, rate, unwrapped
 from analysis.units.metrics import normal_factor
+from analysis.units.notes import said
 
 STEP_S = 0.5  # of the grid on which lags are tried; coarser where both logs are slower
 LEAST_S = 30.0  # of common time
@@ -112,20 +113,15 @@ def clock_offset(a: Track, b: Track) -> Clock:
     least = LEAST_M if by_position else LEAST_DEG_S
     for track, (_, x) in zip((a, b), signals, strict=True):
         if not _size(x) > least:
-            raise CannotAnswer(
-                f"{track.name} does not move (its scatter is {_size(x):.2g} "
-                f"{'m' if by_position else 'deg/s'}), so its clock cannot be found by motion"
-            )
+            unit = "m" if by_position else "deg/s"
+            raise CannotAnswer(said("stays", name=track.name, size=_size(x), unit=unit))
     lags = _best_lags(signals[0], signals[1], least)
     thin = [t.every(THIN_S) for t in (a, b)]
     if by_position:
         lags.append(0.0)  # as the stamps have it, even for less than the common time asked for
         fits = [fit for lag in lags if (fit := _refined(thin[0], thin[1], lag)) is not None]
     if not (fits if by_position else lags):
-        raise CannotAnswer(
-            f"{both} have no {LEAST_S:.0f} s of common motion at any clock offset: they did not "
-            f"travel together, or one of them hardly moves{stamps}"
-        )
+        raise CannotAnswer(said("no_common_motion", both=both, least=LEAST_S, stamps=stamps))
     if not by_position:
         return _by_attitude(a, b, lags[0], use)
     # A short stretch of road fits in many places: of fits about as good, that of most common time.
@@ -138,12 +134,7 @@ def clock_offset(a: Track, b: Track) -> Clock:
     # has to be passed at one pace.
     away = best.scatter > same_m or ((stamps or best.apart > same_m) and best.gain < CHANCE)
     if away or best.along > max(ALONG_M, SAME_JOURNEY * best.cross):
-        raise CannotAnswer(
-            f"{both} were not on one journey at one time: at the best clock offset "
-            f"({best.offset.value:.0f} s, {best.common_s:.0f} s in common) they are "
-            f"{best.apart:.0f} m apart, and about their usual difference still differ by "
-            f"{best.along:.0f} m along the track and {best.cross:.0f} m across{stamps}"
-        )
+        raise CannotAnswer(said("no_journey", both=both, best=best, stamps=stamps))
     return Clock(best.offset, best.drift, best.middle, *named_offset(best.offset, a, b))
 
 

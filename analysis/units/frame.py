@@ -16,6 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from analysis import CannotAnswer, WrongUsage, wrap
 from analysis.noise.autocorrelation import runs_of
+from analysis.units.notes import said
 from sensorlogs.timeline import Attitude, Gnss, Timeline
 
 STOPPED_S = 30.0  # of one position, exactly, to the end: the receiver may have stopped
@@ -166,10 +167,7 @@ def local_tracks(units: Mapping[str, Timeline]) -> list[Track]:
         lat, lon = (getattr(_positions(log), k) for k in ("lat_deg", "lon_deg"))
         fixes, angles = np.isfinite(lat), len(_attitudes(log).t_s)
         if max(fixes.sum(), angles) < FEWEST:
-            raise CannotAnswer(
-                f"{name}: {fixes.sum()} epochs with a position and {angles} with an attitude: too "
-                "few to compare with another unit"
-            )
+            raise CannotAnswer(said("few_epochs", name=name, fixes=fixes.sum(), angles=angles))
         if fixes.any():
             east = wrap(lon - lon[fixes][0])  # a track may cross 180 deg
             middle[name] = np.array([np.nanmedian(lat), lon[fixes][0] + np.nanmedian(east)])
@@ -181,10 +179,9 @@ def local_tracks(units: Mapping[str, Timeline]) -> list[Track]:
         gaps = (xy[k].min(axis=0) - xy[i].max(axis=0) for k, i in ((one, name), (name, one)))
         apart = float(np.hypot(*np.maximum(0, np.maximum(*gaps))))
         if apart > APART_M:
-            raise CannotAnswer(
-                f"{one} and {name} are never closer than {apart / 1000:.0f} km: they did not "
-                f"travel together{_mirrored(middle[one], middle[name], name)}"
-            )
+            mirrored = _mirrored(middle[one], middle[name], name)
+            far = said("never_close", a=one, b=name, km=apart / 1000, mirrored=mirrored)
+            raise CannotAnswer(far)
     return tracks
 
 
@@ -206,10 +203,7 @@ def _refuse_same(units):
     for a, b in combinations(units, 2):
         for one, other in zip(readings[a], readings[b], strict=True):
             if np.array_equal(one, other, equal_nan=True) and len(np.unique(one[one == one])) > 1:
-                raise WrongUsage(
-                    f"{a} and {b} hold the same readings: the same log twice? Give the log of each "
-                    "unit once"
-                )
+                raise WrongUsage(said("same_readings", a=a, b=b))
 
 
 def _mirrored(here, there, name):

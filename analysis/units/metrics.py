@@ -14,6 +14,7 @@ from scipy.stats import t as student
 from analysis import CannotAnswer, Estimate, wrap
 from analysis.noise.position import effective_samples
 from analysis.units.frame import ANGLES, Track, rate, unwrapped
+from analysis.units.notes import said
 
 MOVING_M_S = 1.0  # above it the direction of travel is known
 TURN_S = 2.0  # width of the difference that gives the rate of turn
@@ -91,11 +92,7 @@ def differences(a: Track, b: Track, *among: Track) -> Differences:
     angles = [u.angles_at(angle_t) for u in (a, b)]
     known = np.isfinite(angles[1] - angles[0]).any(axis=1)
     if not (len(t) or known.any() or among):
-        raise CannotAnswer(
-            f"{a.name} and {b.name} have no epoch in common: {a.name} runs from "
-            f"{a.span[0]:.0f} s to {a.span[1]:.0f} s, {b.name} from {b.span[0]:.0f} s to "
-            f"{b.span[1]:.0f} s on the same clock"
-        )
+        raise CannotAnswer(said("no_epoch", a=a, b=b))
     turning = rate(angle_t, angles[0][:, 2:], TURN_S)[:, 0]
     along, cross = enu[:, 0] * sin + enu[:, 1] * cos, enu[:, 0] * cos - enu[:, 1] * sin
     turn = rate(t, unwrapped(course[:, None]), TURN_S)[:, 0]

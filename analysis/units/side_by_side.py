@@ -18,6 +18,7 @@ from analysis.units.clock import Clock, clock_offset, least_squares, lever_and_s
 from analysis.units.events import Apart, Event, disagreements, find_events
 from analysis.units.frame import ANGLES, STEEP_DEG, Track, interpolated, local_tracks, unwrapped
 from analysis.units.metrics import Differences, about_their_mean, differences, trajectory_metrics
+from analysis.units.notes import said
 from analysis.units.variances import Variances, unit_variances
 from sensorlogs.timeline import Timeline
 
@@ -106,10 +107,7 @@ def side_by_side(units: Mapping[str, Timeline]) -> Comparison:
     for track, log in zip(tracks, units.values(), strict=True):
         all_, kept = len(log.gnss.t_s) if log.gnss else 0, len(track.t_s)
         if 2 * kept < all_:
-            notes.append(
-                f"{track.name}: {all_ - kept} of {all_} epochs repeat the position before them; "
-                "the first of each counts"
-            )
+            notes.append(said("repeats", name=track.name, repeats=all_ - kept, all=all_))
     first, *others = _with_course(tracks, notes)
     bar: Any = {"desc": "comparing", "disable": None}
     before = first.until_it_stops()
@@ -122,14 +120,12 @@ def side_by_side(units: Mapping[str, Timeline]) -> Comparison:
         own, before = find_events(track, tracks[:k] + tracks[k + 1 :]), track.until_it_stops()
         last = None if before is track else before.t_s[-1]
         if any(e.from_s == last and e.size > MOVES_ON_M for e in own):
-            after = f"{last - track.span[0]:.0f} s after its start"
-            notes.append(f"{track.name} stops for good {after}, and is compared until then")
+            notes.append(said("stops", name=track.name, after=last - track.span[0]))
             track = before
         events += own
         compared.append(track)
         if (np.abs(wrap(track.attitude[:, 1])) > STEEP_DEG).any():
-            steep = f"the pitch of {track.name} is beyond {STEEP_DEG:.0f} deg"
-            notes.append(f"roll and yaw are not compared where {steep}: noise is larger there")
+            notes.append(said("steep", name=track.name, limit=STEEP_DEG))
     pairs, distances = [], []
     late = dict(zip(units, [0.0, *map(_half, clocks)], strict=True))
     for a, b in tqdm([*combinations(compared, 2)], unit="pair", **bar):
@@ -137,10 +133,7 @@ def side_by_side(units: Mapping[str, Timeline]) -> Comparison:
         common = float(np.ptp(np.concatenate([d.t_s, d.attitude_t_s])))
         lasts = [u.span[1] - u.span[0] for u in (a, b)]
         if common < WHOLE * max(lasts):
-            notes.append(
-                f"{a.name} lasts {lasts[0]:.0f} s and {b.name} {lasts[1]:.0f} s: they are compared "
-                f"over the {common:.0f} s that both have"
-            )
+            notes.append(said("lasts", a=a.name, b=b.name, lasts=lasts, common=common))
         notes += datums(a, b, d, half)
         pairs.append(Pair(a.name, b.name, d, with_clock(a, b, d, half)))
         distances += apart(a, b, d)
@@ -173,11 +166,8 @@ def _clock(a: Track, b: Track, notes) -> Clock:
     for one, other in ((a, b), (b, a)):
         xy = one.enu[one.fixed][:, :2]
         if len(xy) > 2 and not np.ptp(xy, axis=0).any() and not stands_still(other):
-            far = np.ptp(other.enu[other.fixed][:, :2], axis=0)
-            raise CannotAnswer(
-                f"{one.name} is frozen: its position never changes while {other.name} moves over "
-                f"{np.hypot(*far):.0f} m"
-            )
+            far = np.hypot(*np.ptp(other.enu[other.fixed][:, :2], axis=0))
+            raise CannotAnswer(said("frozen", one=one.name, other=other.name, far=far))
     try:
         clock = clock_offset(a, b)
     except CannotAnswer as error:
@@ -185,10 +175,7 @@ def _clock(a: Track, b: Track, notes) -> Clock:
             raise
         (start, stop), (begin, end) = a.span, b.span
         if min(stop, end) <= max(start, begin) or a.clock != b.clock:
-            raise CannotAnswer(
-                f"{a.name} and {b.name} stand still and their stamps do not overlap: nothing tells "
-                "which times belong together"
-            ) from error
+            raise CannotAnswer(said("both_stand", a=a.name, b=b.name)) from error
         note = f"{error}; the stamps are taken as of one clock"
         notes.append(note)
         return Clock(Estimate.refused("s", note), Estimate.refused("s/s", note))
@@ -246,8 +233,8 @@ def _agreed(tracks, notes):
     out: list[Track] = []
     for track in tracks:
         reference = next((t for t in out if len(t.attitude_t_s)), None)
-        track, said = conventions(track, reference)
-        notes += said
+        track, found = conventions(track, reference)
+        notes += found
         out.append(track)
     return out
 
@@ -314,7 +301,7 @@ def conventions(b: Track, a: Track | None = None) -> tuple[Track, tuple[str, ...
     """
     if not len(b.attitude_t_s):
         return b, ()
-    angles, said, t = b.attitude.copy(), [], b.attitude_t_s
+    angles, told, t = b.attitude.copy(), [], b.attitude_t_s
     if a is not None:
         theirs, name = unwrapped(a.angles_at(t)), "the {} of " + a.name
     else:
@@ -329,9 +316,8 @@ def conventions(b: Track, a: Track | None = None) -> tuple[Track, tuple[str, ...
         factor = _factor(t, mine[:, k], theirs[:, k], least, scale[k])
         if factor is None:
             if k < 2 and _factor(t, mine[:, k], theirs[:, 1 - k], least) is not None:
-                other = name.format(ANGLES[1 - k])
-                what = "axes changed over; not put right"
-                said.append(f"{b.name}: {ANGLES[k]} follows {other}: {what}")
+                about = {"angle": ANGLES[k], "other": name.format(ANGLES[1 - k])}
+                told.append(said("axes_changed", name=b.name, **about))
             continue
         found = [FACTORS[factor]] if FACTORS[factor] else []
         if found:
@@ -345,11 +331,9 @@ def conventions(b: Track, a: Track | None = None) -> tuple[Track, tuple[str, ...
                 east = factor < 0 and quarter == -90
                 found.append("from east (ENU)" if east else f"{quarter:+.0f} deg off")
         if found:
-            against = name.format(ANGLES[k])
-            said.append(
-                f"{b.name}: {ANGLES[k]} is {' and '.join(found)} against {against}; put right"
-            )
-    return replace(b, attitude=angles), tuple(said)
+            about = {"angle": ANGLES[k], "other": name.format(ANGLES[k])}
+            told.append(said("convention", name=b.name, found=" and ".join(found), **about))
+    return replace(b, attitude=angles), tuple(told)
 
 
 def _course(t, track):
@@ -393,29 +377,19 @@ def datums(a: Track, b: Track, d: Differences, half: float = 0.0) -> list[str]:
     -------
     list of str
     """
-    said, up = [], d.enu[:, 2]
+    told, up, two = [], d.enu[:, 2], {"a": a.name, "b": b.name}
     if np.isfinite(up).sum() > 10:
         middle, scatter = _middle(up)
         if abs(middle) > max(DATUM_M, DATUM_RATIO * scatter):
-            why = (
-                "one counts from mean sea level and the other from the ellipsoid, or from a "
-                "pressure: another datum, not an error"
-                if abs(middle) < GEOID_M
-                else "more than any height of the geoid: feet for metres, or a pressure altitude?"
-            )
-            said.append(
-                f"heights of {b.name} are {abs(middle):.1f} m {'above' if middle > 0 else 'below'} "
-                f"those of {a.name} throughout (scatter {scatter:.1f} m): {why}"
-            )
+            why = said("of_height" if abs(middle) < GEOID_M else "no_geoid")
+            about = {"size": abs(middle), "side": "above" if middle > 0 else "below", "why": why}
+            told.append(said("height", scatter=scatter, **about, **two))
     if len(d.t_s) > 10:
         (east, east_scatter), (north, north_scatter) = (_middle(d.enu[:, k]) for k in (0, 1))
         shift, scatter = np.hypot(east, north), np.hypot(east_scatter, north_scatter)
         if shift > max(SHIFT_M, DATUM_RATIO * scatter, half * float(np.median(d.speed_m_s))):
-            said.append(
-                f"{b.name} is {north:+.0f} m north and {east:+.0f} m east of {a.name} throughout "
-                f"(scatter {scatter:.0f} m): another horizontal datum, or a grid of its own"
-            )
-    return said
+            told.append(said("shift", north=north, east=east, scatter=scatter, **two))
+    return told
 
 
 def _middle(x):

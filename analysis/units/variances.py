@@ -25,6 +25,7 @@ from scipy.stats import chi2
 from analysis import CannotAnswer, Estimate
 from analysis.noise.position import effective_samples
 from analysis.units.metrics import normal_factor, root_mean_square
+from analysis.units.notes import said
 
 SMALLEST = 1e-8  # of the largest difference's variance: stands for zero
 FAR = 1e6  # of the same: no standard deviation of independent units
@@ -105,9 +106,7 @@ def unit_variances(
         if s[i, j] == 0:
             raise CannotAnswer(f"units {i + 1} and {j + 1} hold the same readings")
     if independent_samples < FEWEST:
-        raise CannotAnswer(
-            f"about {independent_samples:.0f} independent differences: too few for variances"
-        )
+        raise CannotAnswer(said("few_differences", count=independent_samples))
     if count == 2:
         return _two(x, unit, correlations)
     allowed = {rho: np.sqrt(_range(s, rho)) for rho in correlations}
@@ -141,10 +140,7 @@ def _two(x, unit, correlations) -> Variances:
     If they are correlated by r, neither is larger than the difference over sqrt(1 - r^2).
     """
     total = root_mean_square(x[0] - x[1], unit)
-    note = (
-        f"two units: only the sum of their variances is known, √(σ₁² + σ₂²) = {total:.3g}, "
-        "if they are independent; a third unit would part it"
-    )
+    note = said("two_units", total=total)
     bound = Estimate.refused(unit, note, low=0.0, high=total.high)
     both, high = (bound, bound), np.nan if total.high is None else total.high
     allowed = {r: np.tile([0.0, high / np.sqrt(1 - r**2)], (2, 1)) for r in correlations}
