@@ -675,6 +675,10 @@ def test_a_dataflash_log_without_a_clock(tmp_path, monkeypatch):
     monkeypatch.setattr("pymavlink.DFReader.dfindexer.build_offsets", None)
     write_dataflash(tmp_path / "old.bin")
     read(tmp_path / "old.bin")
+    raw = (tmp_path / "old.bin").read_bytes()
+    (tmp_path / "end.bin").write_bytes(raw + b"\xa3\x95")  # of a message that is not there
+    end = f"cut off or damaged at byte {len(raw):,}"
+    assert matrices.state(tmp_path / "end.bin").startswith(end)
     write_dataflash(tmp_path / "none.bin", stamp=b"Ticks")
     for verb in ("channels", "report", "replay", "compare"):
         logs = [tmp_path / "none.bin", *[tmp_path / "old.bin"] * (verb == "compare")]

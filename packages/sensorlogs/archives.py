@@ -27,7 +27,6 @@ MONITOR = re.compile(rb"(?m)^(?P<clock>\d\d:\d\d:\d\d\.\d{3}) -?> (?P<cells>[^$]
 LIMIT = 4 << 30  # bytes that a packed log may have when unpacked
 FILES = 500  # in a folder or zip
 _SIDE = {".pdf", ".png", ".jpg", ".jpeg", ".html", ".md", ".toml", ".yaml", ".yml", ".xml", ".mp4"}
-_SENSORS = NAMES["sensor_logger"]
 _CLOCK = "seconds_elapsed"
 _SIDE_BY_SIDE = re.compile("meta|uncalibrated|wrist|watch|headphone|linear ?accel")
 
@@ -92,22 +91,16 @@ def spreadsheet(path: Path) -> list[Part]:
 
     if zipfile.is_zipfile(path):
         check_zip(path)
-    target, parts, empty = temporary(path), [], []
+    target, files = temporary(path), {}
     target.mkdir()
     with reading(path, "a spreadsheet", "python-calamine", "save it again, or as CSV"):
         book = CalamineWorkbook.from_path(str(path))
         for name in book.sheet_names:
-            file = target / f"{path.name}, sheet '{name.replace('/', '_')}'"
-            with file.open("w", encoding="utf-8") as handle:
+            files[name] = target / f"{path.name}, sheet '{name.replace('/', '_')}'"
+            with files[name].open("w", encoding="utf-8") as handle:
                 for row in book.get_sheet_by_name(name).to_python(skip_empty_area=False):
                     handle.write("\t".join(" ".join(str(c).split()) for c in row) + "\n")
-            try:
-                parts.append(of_text(name, file))
-            except CannotAnswer as error:
-                empty.append(error)
-    if not parts:
-        raise empty[0]
-    return parts
+        return _of_files(path, files, lambda file: [of_text("", file)])
 
 
 def _too_large(path: Path) -> CannotAnswer:
@@ -128,16 +121,19 @@ def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
     inside = [file for file in every if not _is_side(file.relative_to(path))]
     if len(inside) > FILES:
         raise WrongUsage(f"{path.name} has more than {FILES} files: name the log file in it")
+    return _of_files(path, {file.relative_to(path).as_posix(): file for file in inside}, parts_of)
+
+
+def _of_files(path: Path, files: dict[str, Path], parts_of: Callable) -> list[Part]:
+    """List the tables of the files in another one by their names; what is no log is left out."""
     parts: list[Part] = []
     errors: list[CannotAnswer | WrongUsage] = []
-    for file in inside:
+    for name, file in files.items():
         try:
             found = parts_of(file)
+            parts += [replace(p, name=f"{name}/{p.name}" if found[1:] else name) for p in found]
         except (CannotAnswer, WrongUsage) as error:
             errors.append(error)
-            continue
-        stem = file.relative_to(path).as_posix()
-        parts += [replace(p, name=f"{stem}/{p.name}" if found[1:] else stem) for p in found]
     if not parts:
         raise next(iter(errors), WrongUsage(f"{path.name}: no log file in it: name one"))
     return parts
@@ -151,22 +147,17 @@ def phone(parts: list[Part]) -> Iterator[Part]:
     ios = "ios" in said and "true" not in said
     for part in parts:
         stem = Path(part.name).stem.lower()
-        names = dict(NAMES[stem]) if stem in ("location", "orientation") else {}
-        if stem in _SENSORS and {*AXES, _CLOCK} <= set(part.columns):
-            names |= {axis: _SENSORS[stem].format(axis) for axis in AXES}
+        names = NAMES["sensor_logger"].get(stem, {})
+        names = {} if "x" in names and not {*AXES, _CLOCK} <= set(part.columns) else names
         primary = part.primary and not _SIDE_BY_SIDE.search(part.name.lower())
         if not names:
             yield replace(part, primary=primary)
             continue
         primary &= stem != "accelerometer" or "totalacceleration" not in stems
         turned = ios and stem.startswith("accel")
-        yield replace(
-            part,
-            columns=tuple(names.get(c, c) for c in part.columns),
-            load=functools.partial(_renamed, part, names, stems.get("gravity"), turned),
-            told_by=EXPORT,
-            primary=primary,
-        )
+        load = functools.partial(_renamed, part, names, stems.get("gravity"), turned)
+        more = {"columns": tuple(names.get(c, c) for c in part.columns), "told_by": EXPORT}
+        yield replace(part, load=load, primary=primary, **more)
 
 
 def _renamed(part: Part, names: dict[str, str], gravity: Part | None, turned: bool) -> Table:

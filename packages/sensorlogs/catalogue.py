@@ -60,10 +60,8 @@ def find(log: str | Path) -> tuple[str, dict, Path]:
     if not name:
         raise WrongUsage("the name of the log is empty: name a file")
     if name not in stanzas:
-        missing = (
-            f"there is no file {path.name}, and no log of that name in the catalogue"
-            f"{closest(name, stanzas)}; it has {', '.join(stanzas)}"
-        )
+        missing = f"there is no file {path.name}, and no log of that name in the catalogue"
+        missing += f"{closest(name, stanzas)}; it has {', '.join(stanzas)}"
         if not path.exists() and (OWN.parent / path).is_file():
             path = OWN.parent / path
         return path.stem, {}, _check_file(path, missing)

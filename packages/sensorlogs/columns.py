@@ -48,7 +48,8 @@ _USUAL = {"rate": "deg/s", "accel": "g", "angle": "deg", "position": "m"}
 _OR = {"rate": "rad/s", "accel": "m/s^2", "angle": "rad"}  # as usual: a message offers both
 _WHOLE_UNITS = ("deg/s", "rad/s", "g", "m/s^2")  # in which no sensor's readings are whole numbers
 _NO_CELSIUS = {"k", "kelvin", "f", "fahrenheit"}
-ENDS = 0.02  # share of its range that counts have on either side of zero, and may leave there
+TURNS = 2.0**16, 2.0**32
+ENDS = 0.02  # share of their range that counts reach to at least, on either side of zero
 G_IN_COUNTS = 2048, 4096, 8192, 16384  # 16 bits for 16, 8, 4 and 2 g
 _PER_COUNT = {"rate": "1/131", "accel": "1/16384"}  # of the most common IMU, to be replaced
 
@@ -89,9 +90,17 @@ def _ends(name: str) -> list[tuple[str, str]]:
 
 
 def in_known_units(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """Turn rates and accelerations in mdps, ug ... into a unit of the table; say which."""
+    """Turn rates and accelerations in mdps, ug ... into a unit of the table; say which.
+
+    Counts that lost their sign, 65535 for -1, get it back.
+    """
     notes = []
     for name in frame.select_dtypes("number"):
+        if turn := _turn(frame[name]):
+            frame = frame.assign(**{name: (frame[name] + turn / 2) % turn - turn / 2})
+            notes.append(
+                f"column '{name}': counts without their sign, {turn - 1:.0f} for -1: put back"
+            )
         for base, text in [] if split(name)[1] else _ends(name):
             plain = _plain(text)
             unit, factor = _OTHERS.get(plain, (unit_of(plain[1:]), _PREFIXES.get(plain[:1])))
@@ -103,31 +112,22 @@ def in_known_units(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     return frame, notes
 
 
-def signed(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """Give counts back the sign that a program lost, which printed -1 as 65535; say of which.
+def _turn(cells: pd.Series) -> float:
+    """Return by how much counts that a program printed without their sign are too large, or 0.
 
     They are whole, at either end of 16 or 32 bits and far from its middle, and go from one end to
-    the other and back; a mark for a missing reading stands alone.
+    the other and back, where a counter or a mark for a missing reading does not.
     """
-    lost: dict[str, pd.Series] = {}
-    for name in frame.select_dtypes("number"):
-        cells = frame[name]
-        turn = next((t for t in (2.0**16, 2.0**32) if 0.75 * t <= cells.max() < t), 0.0)
-        if turn and cells.min() >= 0:
-            high = cells >= turn / 2
-            mine = cells - turn * high
-            low, top = mine.min(), mine.max()
-            ends = min(-low, top + 1) >= ENDS * (top - low) and top - low < turn / 2
-            joined = cells[~high].min() - mine[high].max() <= ENDS * (top - low) + 1
-            if (
-                ends
-                and joined
-                and (high.astype(int).diff() == -1).sum() > 1
-                and not (mine % 1).any()
-            ):
-                lost[name] = mine
-    said = f"columns {', '.join(lost)}: counts without their sign: from half a turn on negative"
-    return frame.assign(**lost) if lost else frame, [said] * bool(lost)
+    top = np.fmax.reduce(cells.to_numpy(float), initial=-np.inf)  # leaves out NaN, makes no copy
+    turn = next((turn for turn in TURNS if 0.75 * turn <= top < turn), 0.0)
+    if not turn or cells.min() < 0:
+        return 0.0
+    high = cells >= turn / 2
+    mine = cells - turn * high
+    low, top = mine.min(), mine.max()
+    both = min(-low, top + 1) >= ENDS * (top - low) and top - low < turn / 2
+    back = (high & ~high.shift(fill_value=True)).sum() > 1
+    return turn if both and back and not (mine % 1).any() else 0.0
 
 
 def tidy(name: str) -> str:
@@ -440,11 +440,9 @@ def choose(
     no_unit = {c.column: f"no unit: --unit {FLAG[c.kind]}=... says it" for c in found if not c.unit}
     mute = any(c.kind in ("rate", "accel") for c in found if not c.unit) and not units
     if no_unit and (wanted or mute or not chosen):
-        raise WrongUsage(
-            f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(flags)}, whichever is "
-            "right, or put the units into the header, such as gyro_x_deg_s, accel_z_g",
-            *flags,
-        )
+        header = "put the units into the header, such as gyro_x_deg_s, accel_z_g"
+        say = f"{_spelled(flags)}, whichever is right, or {header}"
+        raise WrongUsage(f"{file}: {', '.join(no_unit)}: no unit is known; {say}", *flags)
     reasons = grouped((why, name) for name, why in (left_out | no_unit).items())
     listed = ", ".join(f"{', '.join(names)} ({why})" for why, names in reasons.items())
     if not found:
@@ -457,12 +455,10 @@ def choose(
     for each, alike in grouped((c.kind, c) for c in chosen).items():
         names, its_unit = [c.column for c in alike], alike[0].unit
         if not scales.keys() & {each, None} and _counts(frame, names, its_unit):
-            raise WrongUsage(
-                f"{file}, columns {', '.join(names)}: whole numbers only: these look like raw "
-                f"counts, not {its_unit}; {_spelled(flags)} with the datasheet's {its_unit} per "
-                f"count, or --scale {FLAG[each]}=1",
-                *flags,
-            )
+            raw = f"columns {', '.join(names)}: whole numbers only: these look like raw counts"
+            of = f"{its_unit} per count, or --scale {FLAG[each]}=1"
+            say = f"{_spelled(flags)} with the datasheet's {of}"
+            raise WrongUsage(f"{file}, {raw}, not {its_unit}; {say}", *flags)
     _check_gravity(frame, file, chosen, units)
     if not (kind or "rate" in units):
         _check_gyros(frame, file, chosen)
@@ -487,12 +483,9 @@ def _check_gravity(frame, file, chosen, units) -> None:
             said = {**units, "accel": one}
             several = len(accels) < len(chosen)
             flag = ",".join(f"{FLAG[k]}={u}" for k, u in said.items() if k) if several else one
-            raise WrongUsage(
-                f"{file}, columns {', '.join(c.column for c in group)}: the median |accel| is "
-                f"{length:.2f} {own}; it should be one g, so these look like {one}: say --unit "
-                f"{flag}",
-                {"--unit": flag},
-            )
+            of = f"{file}, columns {', '.join(c.column for c in group)}: the median |accel| is "
+            of += f"{length:.2f} {own}; it should be one g, so these look like {one}"
+            raise WrongUsage(f"{of}: say --unit {flag}", {"--unit": flag})
 
 
 def _check_gyros(frame, file, chosen) -> None:
@@ -514,11 +507,8 @@ def _check_flags(file, found, given, flags) -> None:
     for flag, text, each in given:
         if None in each and len(groups) > 1:
             has = " and ".join(f"{FLAG[its]} ({', '.join(of)})" for its, of in groups.items())
-            raise WrongUsage(
-                f"{file}: --{flag} {text} is for channels of one kind, and this log has {has}: "
-                f"{_spelled(flags)}",
-                *flags,
-            )
+            one = f"is for channels of one kind, and this log has {has}"
+            raise WrongUsage(f"{file}: --{flag} {text} {one}: {_spelled(flags)}", *flags)
         for absent in each.keys() - {None, *groups}:
             raise WrongUsage(
                 f"{file}: --{flag} {FLAG[absent]}= fits none of the columns chosen: leave it out, "

@@ -125,10 +125,8 @@ def path(name: str) -> Path:
     committed = COMMITTED.get(folder, DOWNLOADED / folder) / rest
     place = next((p for p in (given, committed, DOWNLOADED / name) if p.is_file()), None)
     if place is None:
-        raise NotHere(
-            f"the log file {name} is not on this machine: {_by_hand(wanted)}, or run "
-            f"`python -m analysis data {name}` with internet"
-        )
+        advice = f"{_by_hand(wanted)}, or run `python -m analysis data {name}` with internet"
+        raise NotHere(f"the log file {name} is not on this machine: {advice}")
     if not wanted.sha256:
         first = _first_use(name)
         with contextlib.suppress(OSError):  # a tree that may not be written
@@ -140,10 +138,8 @@ def path(name: str) -> Path:
         if not wanted.bytes:
             known = "file of its first use (its sha256 differs)"
             other = f", or data/downloaded/{name}.sha256 if the first was wrong,"
-        raise CannotAnswer(
-            f"{name} is there but is not the {known}: delete that copy{other} and run "
-            f"`python -m analysis data {name}`"
-        )
+        advice = f"delete that copy{other} and run `python -m analysis data {name}`"
+        raise CannotAnswer(f"{name} is there but is not the {known}: {advice}")
     return place
 
 
@@ -171,13 +167,9 @@ def fetch(name: str) -> Path:
     target = DOWNLOADED / name
     try:
         # pooch writes to a temporary file and moves it only once the sha256 is right.
-        pooch.retrieve(
-            wanted.url,
-            known_hash=f"sha256:{wanted.sha256}" if wanted.sha256 else None,
-            fname=target.name,
-            path=target.parent,
-            downloader=pooch.HTTPDownloader(progressbar=True, timeout=30),
-        )
+        known = f"sha256:{wanted.sha256}" if wanted.sha256 else None
+        web = pooch.HTTPDownloader(progressbar=True, timeout=30)
+        pooch.retrieve(wanted.url, known, target.name, target.parent, downloader=web)
     except OSError as error:  # requests' errors are OSErrors
         raise CannotAnswer(
             f"could not download {name} ({type(error).__name__}): check the connection, or "

@@ -338,11 +338,9 @@ def read_table(path: Path) -> Table:
 def check_size(path: Path, rows: int, columns: int, about: str = "") -> None:
     """Refuse more numbers than are read at once."""
     if 8 * rows * columns > LARGEST:
-        raise CannotAnswer(
-            f"{path.name}: {about}{rows:,} rows and {columns} columns are "
-            f"{8 * rows * columns / 1e9:.0f} GB of numbers, more than {LARGEST / 1e9:.0f} GB: save "
-            "fewer of them as a log"
-        )
+        of = f"{about}{rows:,} rows and {columns} columns are {8 * rows * columns / 1e9:.0f} GB"
+        more = f"more than {LARGEST / 1e9:.0f} GB: save fewer of them as a log"
+        raise CannotAnswer(f"{path.name}: {of} of numbers, {more}")
 
 
 def _line_by_line(path: Path, layout: Layout, is_cut: bool) -> pd.DataFrame:
@@ -354,10 +352,8 @@ def _line_by_line(path: Path, layout: Layout, is_cut: bool) -> pd.DataFrame:
         try:
             rows.append(_row(bare if len(bare) >= len(layout.names) else fields, layout))
         except ValueError as error:
-            raise CannotAnswer(
-                f"{path.name}, line {number}, {error}; correct or empty it, or cut the file before "
-                "that line"
-            ) from None
+            advice = "correct or empty it, or cut the file before that line"
+            raise CannotAnswer(f"{path.name}, line {number}, {error}; {advice}") from None
     return pd.DataFrame(rows, columns=list(layout.names))
 
 

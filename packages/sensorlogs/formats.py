@@ -11,7 +11,7 @@ import re
 import zipfile
 from array import array
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,8 +27,9 @@ from sensorlogs.datasets import once
 from sensorlogs.delimited import Table
 from sensorlogs.integrity import reading
 from sensorlogs.names import NAMES
-from sensorlogs.tables import Part, choose, not_read, of_arrays, of_table, of_text, side_by_side
+from sensorlogs.tables import Part, choose, not_read, of_table, of_text, side_by_side
 
+_MAKER = "the maker's description"
 _MEASURED = ["lat_deg", "lon_deg", "height_m", "fix"]
 _PAIR = (  # gx: 0.1, or gyro_x (dps) = 1e-3
     rb"(\b[A-Za-z][\w.]*+(?:[ \t]*[\[(][^\])\n]{0,40}[\])])?)[ \t]*[:=][ \t]*"
@@ -57,11 +58,11 @@ def gpx(path: Path) -> list[Part]:
         if "time" not in frame:
             what = "a track" if len(frame) else "a route or points"
             raise CannotAnswer(f"{path.name}: GPX with {what} without times: give a recorded track")
-        arrays = {"time": frame.pop("time").fillna("").to_numpy(dtype=object)}
         if "fix" in frame:
             frame["fix"] = frame["fix"] != "none"
-        arrays |= {name: frame[name].to_numpy(dtype=float) for name in frame}
-    return [of_arrays(path, "track", arrays, told_by="the GPX standard")]
+        numbers = frame.drop(columns="time").astype(float)
+        frame = frame[["time"]].fillna("").astype(object).join(numbers)
+    return [of_table("track", Table(frame, path), told_by="the GPX standard")]
 
 
 def serial(path: Path) -> list[Part]:
@@ -80,10 +81,8 @@ def serial(path: Path) -> list[Part]:
     names = max(filter(None, found), key=lambda each: len(found[each][0]))
     lines, values, lists = found.pop(names)
     for at, said in lists:
-        raise CannotAnswer(
-            f"{path.name}, line {at}: '{delimited.printable(said)}' has a list or a decimal comma, "
-            "which is not read after a name: write CSV"
-        )
+        what = "has a list or a decimal comma, which is not read after a name: write CSV"
+        raise CannotAnswer(f"{path.name}, line {at}: '{delimited.printable(said)}' {what}")
     left_out = sum(len(others) for others, _, _ in found.values())
     if left_out > 0.01 * len(lines) + 3:
         of = f"{left_out:,} of {left_out + len(lines):,} lines"
@@ -95,29 +94,17 @@ def serial(path: Path) -> list[Part]:
         rows = rows[:-1]
     unique = delimited.unique_names([name.decode(errors="replace") for name in names])
     frame = pd.DataFrame(rows, columns=unique)
-    return [of_table("lines", Table(frame, path, tuple(notes), lines=np.frombuffer(lines, "q")))]
-
-
-def _renamed(text: Part, known: dict, change: Callable[[pd.DataFrame], pd.DataFrame]) -> list[Part]:
-    """Name the columns of a text as its maker describes them; then change the rows."""
-    names = {name: known.get(name, name) for name in text.columns}
-
-    def load() -> Table:
-        table = text.load()
-        return replace(table, frame=change(table.frame.rename(columns=names)))
-
-    told_by = "the maker's description"
-    return [replace(text, columns=tuple(names.values()), load=load, told_by=told_by)]
+    at = np.frombuffer(lines, "q")[: len(frame)]
+    return [of_table("lines", Table(frame, path, tuple(notes), lines=at))]
 
 
 def vbo(path: Path) -> list[Part]:
     """Read a VBO of Racelogic: minutes, to the west of Greenwich, and km/h."""
-    degrees = {"lat_deg": 1 / 60, "lon_deg": -1 / 60}
-    return _renamed(
-        of_text("data", path),
-        NAMES["vbo"],
-        lambda frame: frame.assign(**{n: of * frame[n] for n, of in degrees.items() if n in frame}),
-    )
+
+    def in_degrees(frame: pd.DataFrame) -> pd.DataFrame:
+        return frame.assign(lat_deg=frame["lat_deg"] / 60, lon_deg=-frame["lon_deg"] / 60)
+
+    return [of_text("data", path, NAMES["vbo"], in_degrees, told_by=_MAKER)]
 
 
 def xsens(path: Path) -> list[Part]:
@@ -139,7 +126,7 @@ def xsens(path: Path) -> list[Part]:
                 break
         return frame
 
-    return _renamed(of_text("export", path), NAMES["xsens"], timed)
+    return [of_text("export", path, NAMES["xsens"], timed, told_by=_MAKER)]
 
 
 def csv(path: Path) -> list[Part]:
@@ -160,10 +147,8 @@ def _is_here(known: str) -> bool:
 def _read(path: Path, known: str) -> list[Part]:
     """List the tables of a file of a known format, by its reader, which is loaded when needed."""
     if not _is_here(known):
-        raise WrongUsage(
-            f"{path.name} is {FORMATS[known]['title']}: in the project's folder run: "
-            "pip install '.[logs]'"
-        )
+        advice = "in the project's folder run: pip install '.[logs]'"
+        raise WrongUsage(f"{path.name} is {FORMATS[known]['title']}: {advice}")
     module, _, name = FORMATS[known]["reader"].partition(".")
     return getattr(importlib.import_module(f"sensorlogs.{module}"), name)(path)
 
@@ -187,7 +172,8 @@ def format_of(path: Path) -> str:
     if name == "nmea" and _is_here("ubx"):  # with binary messages, which say more
         from sensorlogs import robot_logs
 
-        return "ubx" if robot_logs.holds_ubx(delimited.content(path)) else name
+        found = robot_logs.ubx_messages(delimited.content(path))
+        return "ubx" if any(message for _, message in found) else name
     return name
 
 
@@ -227,8 +213,7 @@ def load(chosen: Sequence[Part], moving: bool = False) -> Table:
     found = [part.load() for part in chosen]
     table = found[0] if len(found) == 1 else side_by_side(found, chosen, moving)
     frame, notes = columns.in_known_units(times.joined(table.frame))
-    frame, more = columns.signed(frame)
-    return replace(table, frame=frame, repairs=(*table.repairs, *notes, *more))
+    return replace(table, frame=frame, repairs=(*table.repairs, *notes))
 
 
 def read_table(path: Path, stanza: dict) -> Table:

@@ -83,15 +83,15 @@ def _ulog(raw, path: Path) -> int | None:
 
 def _dataflash(raw, path: Path) -> int | None:
     """Walk through the messages of a DataFlash log, whose FMT messages state the lengths."""
-    form = 128
+    form = b"\x80"
     sizes = {form: 89}
 
     def end_of(at: int) -> int:
-        if raw[at : at + 2] != b"\xa3\x95" or raw[at + 2] not in sizes:
+        if raw[at : at + 2] != b"\xa3\x95" or (kind := raw[at + 2 : at + 3]) not in sizes:
             return 0 if raw[at:].strip(b"\x00\xff") else len(raw)  # the rest of a page
-        if raw[at + 2] == form:
-            sizes[raw[at + 3]] = raw[at + 4]
-        return at + sizes[raw[at + 2]]
+        if kind == form:
+            sizes[raw[at + 3 : at + 4]] = int.from_bytes(raw[at + 4 : at + 5])
+        return at + sizes[kind]
 
     return _walk(raw, raw.find(b"\xa3\x95\x80"), end_of)
 

@@ -60,11 +60,11 @@ def mat5(path: Path) -> list[Part]:
     def visit(name: str, value: Any, group: str):
         if hasattr(value, "_fieldnames"):
             vector = {key.lower() for key in value._fieldnames} <= {*AXES}
-            inside = group if vector else f"{group}/{name}" if group else name
+            inside = group if vector else f"{group}/{name}".strip("/")
             for key in value._fieldnames:
                 visit(with_axis(name, key) if vector else key, getattr(value, key), inside)
-        elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
-            groups.setdefault(group, {})[name] = value
+        elif isinstance(value, np.ndarray):
+            _gather(groups, group, name, value)
         elif "MatlabOpaque" in type(value).__name__:
             opaque.append(name)
 
@@ -81,13 +81,9 @@ def hdf5(path: Path) -> list[Part]:
 
     def visit(name: str, node: Any):
         group, _, leaf = name.rpartition("/")
-        if not isinstance(node, h5py.Dataset) or name.startswith("#"):
-            return
-        if node.dtype.names:  # a table of h5py or PyTables: its fields are the columns
-            numeric = (key for key in node.dtype.names if node.dtype[key].kind in "fiub")
-            groups[name] = {key: node.fields(key)[()] for key in numeric}
-        elif node.dtype.kind in "fiub" and node.attrs.get("MATLAB_class", b"") != b"char":
-            groups.setdefault(group, {})[leaf] = node  # read when its table is
+        chars = node.attrs.get("MATLAB_class", b"") == b"char"
+        if isinstance(node, h5py.Dataset) and not (chars or name.startswith("#")):
+            _gather(groups, group, leaf, node)  # read when its table is
 
     with reading(path, HDF5, "h5py"):
         h5py.File(path).visititems(visit)
@@ -103,14 +99,19 @@ def numpy_file(path: Path) -> list[Part]:
         members = {path.stem: found} if isinstance(found, np.ndarray) else dict(found)
     groups: dict[str, dict[str, np.ndarray]] = {}
     for name, value in members.items():
-        if value.dtype.names:
-            groups[name] = {k: value[k] for k in value.dtype.names if value.dtype[k].kind in "fiub"}
-        elif value.dtype.kind in "fiub" and name == path.stem and value.ndim == 2:  # no names
-            wide = _samples(value)
-            groups[""] = {f"c{j + 1}": wide[:, j] for j in range(wide.shape[1])}
-        elif value.dtype.kind in "fiub":
-            groups.setdefault("", {})[name] = value
+        if value.dtype.kind in "fiub" and name == path.stem and value.ndim == 2:  # no names
+            groups[""] = {f"c{j}": column for j, column in enumerate(_samples(value).T, 1)}
+        else:
+            _gather(groups, "", name, value)
     return _grouped(path, groups)
+
+
+def _gather(groups: dict[str, dict], group: str, name: str, value: Any) -> None:
+    """Put an array of numbers into its group; the fields of a table are a group of their own."""
+    for field in value.dtype.names or ():  # of NumPy, h5py or PyTables
+        _gather(groups, f"{group}/{name}".strip("/"), field, value[field])
+    if value.dtype.kind in "fiub":
+        groups.setdefault(group, {})[name] = value
 
 
 def rda(path: Path) -> list[Part]:

@@ -141,10 +141,8 @@ def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | Non
             parts["attitude"] = replace(parts["attitude"], t_s=parts["attitude"].t_s + shift)
             clocks["attitude"] = clocks["GNSS"]
         if (apart := max(imu.t_s[0] - gnss.t_s[-1], gnss.t_s[0] - imu.t_s[-1])) > 0:
-            raise CannotAnswer(
-                f"the logs do not overlap: {apart:.6g} s lie between: give those of one ride, or "
-                "say --imu-offset"
-            )
+            advice = "give those of one ride, or say --imu-offset"
+            raise CannotAnswer(f"the logs do not overlap: {apart:.6g} s lie between: {advice}")
     clock = clocks.get("GNSS") or next(iter(clocks.values()))
     if "attitude" in parts and clocks["attitude"] != clocks.get("GNSS", clocks["attitude"]):
         notes.append("attitude and GNSS stamps are of different clocks: the attitude is not used")
@@ -214,9 +212,8 @@ def _shift(gnss: Gnss, imu: Imu, found: _Found, offset: float | None) -> float:
     if both in ((times.DEVICE, times.DEVICE), (times.UNIX, times.UNIX)):
         return 0.0
     if times.DEVICE in both:
-        raise WrongUsage(
-            "IMU and GNSS stamps are of different clocks; say --imu-offset S, from the first epoch"
-        )
+        advice = "say --imu-offset S, from the first epoch"
+        raise WrongUsage(f"IMU and GNSS stamps are of different clocks; {advice}")
     # With a time of day, whole days are unknown; a rolled-over date does no harm either.
     day = times.SECONDS_PER_DAY
     shift = day * float(np.round((np.nanmedian(gnss.t_s) - np.nanmedian(imu.t_s)) / day))
@@ -338,10 +335,8 @@ class _Rows:
                 "neither positions (lat_deg, lon_deg) nor an IMU (accel_x_m_s2 ..., gyro_x_deg_s "
                 "...) nor an attitude (roll_deg, pitch_deg, yaw_deg)"
             ]
-            raise WrongUsage(
-                f"{self.file}, line 1: {'; '.join(lacks)}; say --columns OURS=THEIRS; there are: "
-                + ", ".join(self.table.frame)
-            )
+            advice = f"say --columns OURS=THEIRS; there are: {', '.join(self.table.frame)}"
+            raise WrongUsage(f"{self.file}, line 1: {'; '.join(lacks)}; {advice}")
         self.notes += [f"{self.file}: {lack}: not used" for lack in lacks]
         known = map(recognise, self.table.frame)  # no phone's gyroscope gives deg/s
         said = {word for one in known if one.unit != "deg/s" for word in one.words}

@@ -259,9 +259,9 @@ def _receiver_time(found, place, notes) -> tuple[np.ndarray, list[int]]:
             t[:k] += step - interval
         elif -STEP_BACK_S < step < 0 or (before_any_fix and (step < 0 or step > LEAP_S)):
             at_fix = " before the first fix" if before_any_fix else ""
+            moved = f"the epochs before are moved to end {interval:g} s earlier"
             notes.append(
-                f"{place(k)}: the receiver sets its clock{at_fix} ({step:+.3f} s); the epochs "
-                f"before are moved to end {interval:g} s earlier"
+                f"{place(k)}: the receiver sets its clock{at_fix} ({step:+.3f} s); {moved}"
             )
             t[:k] += step - interval
     lacking = np.flatnonzero(~np.isfinite(t))

@@ -7,12 +7,13 @@ the table that is wanted are kept.
 import calendar
 import contextlib
 import functools
+import io
 import itertools
 import os
 import re
 import tempfile
 from array import array
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -22,12 +23,12 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from sensorlogs import CannotAnswer, archives, counted, integrity, nmea
+from sensorlogs import CannotAnswer, WrongUsage, archives, counted, delimited, integrity, nmea
 from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, content, progress
 from sensorlogs.integrity import reading
 from sensorlogs.names import NAMES
-from sensorlogs.tables import LISTED, Part, of_arrays, of_text
+from sensorlogs.tables import LISTED, Part, of_arrays, of_table
 
 DEFINED = "its message definition"
 _ROS = NAMES["ros"]
@@ -36,11 +37,10 @@ _ULOG_SIDE = re.compile("timestamp|device_id|integral_dt|clip|count|magnetometer
 _PVT = NAMES["nav_pvt"]
 _PAGE = 528  # bytes without messages that the end of a DataFlash log may have
 _PRIMARY = re.compile(
-    r"((IMU|GYR|ACC|GPS)\d?|ATT)(/.*)?|(Uncal)?(Gyro|Accel)|OrientationDeg|Fix(/GPS|/gps)?"
+    r"((IMU|GYR|ACC|GPS)\d?|ATT)(/\d+)?|(Uncal)?(Gyro|Accel)|OrientationDeg|Fix(/(?i:gps))?"
 )
 _INSTANCE = ("I", "Instance", "Provider")
-_WHOLE = "bBhHiIMqQ"  # codes of whole numbers: of another, I is an integral
-_NAMING = re.compile(rb"(# *|FMT, *\d+, *\d+, *)(\w+),(.+)")  # of GnssLogger, of ArduPilot
+_NAMING = re.compile(rb"(?:# *(\w+),|FMT, *\d+, *\d+, *(\w+), *\w*,)(.+)")  # a phone, a pilot
 _BOOT_NS = "elapsedRealtimeNanos"  # the clock that a phone's receiver and sensors share
 _UBX = re.compile(rb"\xb5\x62(?:\x01\x07|\x10[\x02\x03])")  # NAV-PVT, ESF-MEAS, ESF-RAW
 _UBX_SIZE = 8192  # bytes of the longest message that is looked at
@@ -128,11 +128,7 @@ def _ros_table(path: Path, topic: str, rows: int) -> Table:
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
     """Keep a library from printing what it skips."""
-    with (
-        open(os.devnull, "w") as nowhere,
-        contextlib.redirect_stdout(nowhere),
-        contextlib.redirect_stderr(nowhere),
-    ):
+    with contextlib.redirect_stdout(io.StringIO()) as it, contextlib.redirect_stderr(it):
         yield
 
 
@@ -203,126 +199,99 @@ def dataflash(path: Path) -> list[Part]:
         for form in log.formats.values():
             offsets = np.asarray(log.offsets[form.type], dtype=np.int64)
             offsets = offsets[offsets + form.len <= len(raw)]
-            names = _tagged_names(form.name, form.columns)
-            if offsets.size and any(name.startswith("t_") for name in names):
-                parts += _dataflash_parts(path, form, names, offsets, raw, notes)
+            if offsets.size and _clock(form.name, form.columns):
+                table = Table(_dataflash_rows(form, offsets, raw), path, tuple(notes))
+                parts += _of_tag(form.name, table) if len(table.frame) else ()
         log.filehandle.close()
     return parts
 
 
-def _tagged_names(tag: str, columns: Sequence[str]) -> list[str]:
-    """Name the columns of a message; its time is the first in the table of clocks."""
-    # An old GPS has T, the clock of the other messages, after the time of its week.
-    clocks = columns if tag.startswith("GPS") else columns[:1]
-    stamps = NAMES["tagged_stamps"]
-    stamp = next((s for s in stamps if s in clocks), None)
-    return [stamps[c] if c == stamp else NAMES["tagged"].get(c, c) for c in columns]
-
-
-def _fixed(label: str, columns: Any) -> Any:
-    """Turn the status of ArduPilot's receivers into a fix: 2 and more are one."""
-    if label.startswith("GPS") and "Status" in columns:
-        columns["fix"] = np.maximum(columns.pop("Status") - 1, 0)
-    return columns
-
-
-def _dataflash_parts(path, form, names, offsets, raw, notes) -> list[Part]:
-    """Take the rows of one message apart by its instance."""
+def _dataflash_rows(form, offsets, raw) -> pd.DataFrame:
+    """Take the numbers of one message; of a form whose length is another there are none."""
     from pymavlink.DFReader import FORMAT_TO_STRUCT
 
     codes = [FORMAT_TO_STRUCT[c] for c in form.format]
     types = [f"S{code[:-1]}" if code.endswith("s") else f"<{code}" for code, _, _ in codes]
     layout = np.dtype(list(zip(form.columns, types, strict=True)))
     if layout.itemsize + 3 != form.len:
-        return []
+        return pd.DataFrame()
     rows = np.ascontiguousarray(raw[offsets[:, None] + np.arange(3, form.len)]).view(layout)[:, 0]
-    instance = next((n for n in form.columns if n in _INSTANCE), None)
-    numbered = instance and rows[instance].dtype.kind in "iu"
-    each = np.unique(rows[instance]) if numbered else ()
-    groups = {f"{form.name}/{k}": rows[rows[instance] == k] for k in each}
-    groups = groups if len(each) > 1 else {form.name: rows}
-    parts = []
-    for label, mine in groups.items():
-        columns = {}
-        for name, ours, (_, factor, _) in zip(form.columns, names, codes, strict=True):
-            if mine[name].dtype.kind in "fiu" and name != instance:
-                columns[ours] = mine[name] * (factor or 1.0)
+    factors = {name: of or 1.0 for name, (_, of, _) in zip(form.columns, codes, strict=True)}
+    numbers = [name for name in form.columns if rows[name].dtype.kind in "fiu"]
+    return pd.DataFrame({name: factors[name] * rows[name].astype(float) for name in numbers})
+
+
+def _clock(tag: str, columns: Sequence[str]) -> str:
+    """Find the column of a message that is its time, if there is one."""
+    # An old GPS has T, the clock of the other messages, after the time of its week.
+    some = columns if tag.startswith("GPS") else columns[:1]
+    return next((stamp for stamp in NAMES["tagged_stamps"] if stamp in some), "")
+
+
+def _of_tag(tag: str, table: Table) -> Iterator[Part]:
+    """Make the parts of one message, by its instances or providers."""
+    clock = _clock(tag, [*table.frame])
+    frame = table.frame.rename(columns={clock: NAMES["tagged_stamps"].get(clock)})
+    frame = frame.rename(columns=NAMES["tagged"])
+    frame = frame.loc[:, ~frame.columns.duplicated()]
+    if tag.startswith("GPS") and "Status" in frame:
+        frame["fix"] = np.maximum(frame.pop("Status") - 1, 0)  # 2 and more: a fix
+    groups = {}
+    for which in frame.columns.intersection(_INSTANCE)[:1]:
+        each = frame.pop(which)
+        if each.dtype.kind != "f" or (each % 1 == 0).all():  # of a controller, I is an integral
+            named = ((f"{tag}/{key}", rows) for key, rows in frame.groupby(each))
+            groups = {name.removesuffix(".0"): rows for name, rows in named}
+    for label, rows in (groups if len(groups) > 1 else {tag: frame}).items():
+        rows = rows if table.layout else rows.reset_index(drop=True)
         primary = bool(_PRIMARY.fullmatch(label))
-        columns = _fixed(label, columns)
-        parts.append(of_arrays(path, label, columns, notes, told_by=DEFINED, primary=primary))
-    return parts
+        yield of_table(label, replace(table, frame=rows), told_by=DEFINED, primary=primary)
 
 
 def tagged(path: Path) -> list[Part]:
     """List the tables of a text whose rows begin with a tag, an instance or provider each.
 
-    Google's GnssLogger names the columns in comments, ArduPilot's log as text in FMT lines. Each
-    table is written to a file of its own, which is read when it is asked for.
+    Google's GnssLogger names the columns in comments, ArduPilot's log as text in FMT lines.
     """
-    heads: dict[bytes, tuple[list[str], int]] = {}
-    files: dict[str, Any] = {}
-    boots_s: dict[str, float] = {}
-    rows, folder = Counter[str](), archives.temporary(path)
+    names: dict[bytes, bytes] = {}
+    files: dict[bytes, Any] = {}
+    folder, lost = archives.temporary(path), 0
     folder.mkdir()
     with reading(path, "a log of tagged rows"), contextlib.ExitStack() as opened:
         raw = opened.enter_context(path.open("rb"))
         for line in tqdm(raw, unit=" lines", unit_scale=True, **progress(path)):
             tag, _, rest = line.partition(b",")
             if naming := _NAMING.match(line):
-                names = [name.strip() for name in naming[3].decode(errors="replace").split(",")]
-                codes = names.pop(0) if naming[1].startswith(b"FMT") else ""
-                numbered = (k for k, name in enumerate(names) if name in _INSTANCE)
-                which = next((k for k in numbered if codes[k : k + 1] in _WHOLE), -1)
-                heads[naming[2]] = names, which
-            elif tag in heads and rest.count(b",") >= heads[tag][1]:
-                names, which = heads[tag]
-                fields = rest.split(b",", which + 1)
-                label = tag.decode(errors="replace")
-                if which >= 0:
-                    names = names[:which] + names[which + 1 :]
-                    label += f"/{fields.pop(which).strip().decode(errors='replace')}"
-                if label not in files:
-                    file = folder / f"{path.name}, {label}".replace("/", " ")
-                    files[label] = opened.enter_context(file.open("wb"))
-                    files[label].write(",".join(_tagged_names(label, names)).encode() + b"\n")
-                    said = dict(zip(names, b",".join(fields).split(b","), strict=False))
-                    with contextlib.suppress(KeyError, ValueError):
-                        unix_ms = float(said.get("UnixTimeMillis") or said["utcTimeMillis"])
-                        boots_s[label] = unix_ms / 1e3 - float(said[_BOOT_NS]) / 1e9
-                files[label].write(b",".join(fields))
-                rows[label] += 1
+                names[naming[1] or naming[2]] = naming[3].strip()
+            elif tag in names:
+                if tag not in files:
+                    file = folder / f"{path.name}, {tag.decode()}"
+                    files[tag] = opened.enter_context(file.open("wb"))
+                    files[tag].write(names[tag] + b"\n")
+                files[tag].write(rest)
             else:
-                rows[""] += line[:1] not in b"#\r\n"
-    several = Counter(label.partition("/")[0] for label in files)
-    boot_s = boots_s.get("Fix/GPS", next(iter(boots_s.values()), 0.0))
-    notes = [f"{counted(rows[''], 'line')} without a tag whose columns are named, left out"]
-    parts = []
-    for label, file in files.items():
-        tag = label.partition("/")[0]
-        with contextlib.suppress(CannotAnswer):  # a table of words
-            text = of_text(label if several[tag] > 1 else tag, Path(file.name))
-            load = functools.partial(_tagged_table, text, boot_s, notes * (rows[""] > 0))
-            primary = bool(_PRIMARY.fullmatch(text.name))
-            more = {"rows": rows[label], "told_by": DEFINED, "primary": primary}
-            parts.append(replace(text, load=load, **more))
+                lost += line[:1] not in b"#\r\n"
+    notes = (f"{counted(lost, 'line')} without a tag that is named, left out",) * bool(lost)
+    parts: list[Part] = []
+    for tag, file in files.items():
+        try:
+            table = delimited.read_table(Path(file.name))
+            parts += _of_tag(tag.decode(), replace(table, repairs=table.repairs + notes))
+        except (CannotAnswer, WrongUsage):  # a table of words
+            if _PRIMARY.fullmatch(tag.decode()):
+                raise
+    boot_s = 0.0  # by the receiver, if there is one
+    for part in sorted(parts, key=lambda part: part.name not in ("Fix", "Fix/GPS")):
+        frame = part.load().frame
+        unix_ms = [*frame.filter(["UnixTimeMillis", "utcTimeMillis"])]
+        if unix_ms and _BOOT_NS in frame and frame[_BOOT_NS].notna().all():
+            frame.insert(0, "t_s", 1e-9 * frame.pop(_BOOT_NS))
+            boot_s = boot_s or float((1e-3 * frame[unix_ms[0]] - frame["t_s"]).median())
+            frame["t_s"] += boot_s
     return parts
 
 
-def _tagged_table(text: Part, boot_s: float, notes: list[str]) -> Table:
-    """Read the rows of one tag, of a phone with its own clock in seconds since 1970."""
-    table = text.load()
-    frame = _fixed(text.name, table.frame)
-    if _BOOT_NS in frame and frame[_BOOT_NS].notna().all():
-        frame.insert(0, "t_s", 1e-9 * frame.pop(_BOOT_NS) + boot_s)
-    return replace(table, frame=frame, repairs=(*table.repairs, *notes))
-
-
-def holds_ubx(raw: bytes) -> bool:
-    """Tell whether there is a whole message that `ubx` reads, whatever lies around it."""
-    return any(message for _, message in _ubx_messages(raw))
-
-
-def _ubx_messages(raw: bytes) -> Iterator[tuple[int, Any]]:
+def ubx_messages(raw: bytes) -> Iterator[tuple[int, Any]]:
     """Iterate over what looks like a message that is read: its place, and None if it is not one."""
     from pyubx2 import UBXReader
 
@@ -344,7 +313,7 @@ def ubx(path: Path) -> list[Part]:
     rows: dict[str, list[dict]] = {"NAV-PVT": [], "ESF-MEAS": [], "ESF-RAW": []}
     wrong = 0
     with tqdm(total=len(raw), **progress(path)) as bar:
-        for at, message in _ubx_messages(raw):
+        for at, message in ubx_messages(raw):
             bar.update(at - bar.n)
             try:
                 rows[message.identity] += list(_ubx_rows(message))
@@ -366,9 +335,8 @@ def ubx(path: Path) -> list[Part]:
     if re.search(nmea.SENTENCE, raw):
         parts += [replace(part, primary=not rows["NAV-PVT"]) for part in nmea.parts(path)]
     if not parts:
-        raise CannotAnswer(
-            f"{path.name}: u-blox UBX without a whole NAV-PVT, ESF-MEAS or ESF-RAW: log one of them"
-        )
+        lacks = "u-blox UBX without a whole NAV-PVT, ESF-MEAS or ESF-RAW: log one of them"
+        raise CannotAnswer(f"{path.name}: {lacks}")
     return parts
 
 

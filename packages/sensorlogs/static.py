@@ -113,16 +113,11 @@ class Log:
         first, last = (round((t - self.start_s) * self.rate_hz) for t in (start, stop))
         channels = tuple(replace(c, values=c.values[first:last]) for c in self.channels)
         missing = np.all([np.isnan(c.values) for c in channels], axis=0)
-        return replace(
-            self,
-            channels=channels,
-            samples=int((~missing).sum()),
-            gaps=int((np.diff(missing.astype(int)) > 0).sum()),
-            repairs=(repair, *self.repairs),
-            temperature=None if self.temperature is None else self.temperature[first:last],
-            start_s=start,
-            used=(start, stop),
-        )
+        counts = {"samples": int((~missing).sum())}
+        counts["gaps"] = int((np.diff(missing.astype(int)) > 0).sum())
+        warm = None if self.temperature is None else self.temperature[first:last]
+        cut = replace(self, channels=channels, temperature=warm, **counts)
+        return replace(cut, repairs=(repair, *self.repairs), start_s=start, used=(start, stop))
 
 
 def read(
@@ -208,22 +203,12 @@ def read(
     if temperature is not None:  # straight lines over what is missing
         slow = pd.Series(grid.place(temperature)).interpolate(limit_direction="both")
         temperature = slow.to_numpy()
-    return Log(
-        name=name,
-        title=stanza.get("title", path.name),
-        file=path.name,
-        sha256=datasets.sha256(path),
-        rate_hz=grid.rate_hz,
-        channels=channels,
-        samples=len(rows.frame),
-        gaps=grid.gaps,
-        repairs=repairs,
-        licence=stanza.get("licence", "not stated"),
-        source=stanza.get("source", "the reader's own log"),
-        given=str(log),
-        temperature=temperature,
-        start_s=float(start_s),
-    )
+    unstated = {"title": path.name, "licence": "not stated", "source": "the reader's own log"}
+    about = {key: stanza.get(key, said) for key, said in unstated.items()}
+    about |= {"name": name, "given": str(log), "file": path.name, "sha256": datasets.sha256(path)}
+    placed = {"rate_hz": grid.rate_hz, "gaps": grid.gaps, "start_s": float(start_s)}
+    values = {"channels": channels, "samples": len(rows.frame), "temperature": temperature}
+    return Log(repairs=repairs, **about, **placed, **values)
 
 
 def _of_sensor(table: Table, wanted: Sequence[str | int]) -> Table:
@@ -254,9 +239,8 @@ def _placed(table, option):
     """
     file, frame, rate = table.file, table.frame, option.get("rate_hz")
     if rate is not None and not 1 / RATES < rate < RATES:
-        raise WrongUsage(
-            f"{file}: --rate {rate:g}: give a positive number of samples a second, below {RATES:g}"
-        )
+        advice = f"give a positive number of samples a second, below {RATES:g}"
+        raise WrongUsage(f"{file}: --rate {rate:g}: {advice}")
     time = times.time_column(frame)
     if stamped := rate is None or "time" in option:
         named = columns.resolve(option["time"], list(frame), file) if "time" in option else time
@@ -303,10 +287,8 @@ def _placed(table, option):
     with times.stamp_errors_at(table, time):
         grid = times.by_stamps(at, repeated, option.get("timing", "auto"))
     if rate is not None and abs(grid.rate_hz / rate - 1) > 0.05:
-        raise WrongUsage(
-            f"{file}: --rate {rate:g} contradicts time column '{time}', which says "
-            f"{grid.rate_hz:.6g} Hz; leave one of them out"
-        )
+        which = f"which says {grid.rate_hz:.6g} Hz; leave one of them out"
+        raise WrongUsage(f"{file}: --rate {rate:g} contradicts time column '{time}', {which}")
     return table, time, grid, np.nanmin(at), notes
 
 
@@ -367,9 +349,8 @@ def _choices(table, time, option):
         if name in wanted or (not wanted and (mine or glued)):
             wrong = pd.to_numeric(frame[name], errors="coerce").isna() & frame[name].notna()
             cell = printable(str(frame[name].iloc[row := int(np.argmax(wrong))]))
-            raise CannotAnswer(
-                f"{table.place(row, name)}: '{cell}' is not a number; correct it, or say --columns"
-            )
+            advice = "correct it, or say --columns"
+            raise CannotAnswer(f"{table.place(row, name)}: '{cell}' is not a number; {advice}")
     if not numeric:
         raise WrongUsage(f"{file}, line 1: no column with numbers besides the time")
     lost = {"lat_deg", "lon_deg"} <= set(frame) and "north_m" not in frame and not wanted
@@ -418,9 +399,9 @@ def _channel(
     spread = 1e-6 * float(np.ptp(few))  # rounding in metres from degrees is no change
     held = float(np.mean(np.abs(np.diff(values)) <= spread)) if spread else 0.0
     if held > HELD:
+        said = "a held output, so it holds far fewer independent values than samples"
         repairs.append(
-            f"'{choice.name}' repeats its last value in {held:.1%} of the samples: a held output, "
-            "so it holds far fewer independent values than samples"
+            f"'{choice.name}' repeats its last value in {held:.1%} of the samples: {said}"
         )
     return Channel(choice.name, choice.unit, choice.kind, grid.place(cells))
 

@@ -47,12 +47,10 @@ class Part:
 
 def of_arrays(path: Path, name: str, arrays: dict, repairs: Iterable[str] = (), **more) -> Part:
     """Make a part of columns that are in memory; numbers become float64, rows of words go."""
-    found = {}
-    for column, values in arrays.items():
-        values = np.asarray(values)
-        numeric = values.dtype.kind in "fiub"
-        found[column] = np.ascontiguousarray(values, dtype=float) if numeric else values
-    return of_table(name, Table(pd.DataFrame(found, copy=False), path, tuple(repairs)), **more)
+    frame = pd.DataFrame({column: np.asarray(values) for column, values in arrays.items()})
+    numbers = frame.select_dtypes(["number", "bool"])
+    table = Table(frame.astype(dict.fromkeys(numbers, float)), path, tuple(repairs))
+    return of_table(name, table, **more)
 
 
 def of_table(name: str, table: Table, **more) -> Part:
@@ -60,9 +58,16 @@ def of_table(name: str, table: Table, **more) -> Part:
     return Part(name, tuple(table.frame), lambda: table, len(table.frame), **more)
 
 
-def of_text(name: str, path: Path) -> Part:
-    """Make a part of a delimited text file."""
-    return Part(name, delimited.sniff(path).names, lambda: delimited.read_table(path))
+def of_text(name: str, path: Path, known: dict | None = None, change=None, **more) -> Part:
+    """Make a part of a delimited text; names of its maker become ours, its rows are changed."""
+    names = [(known or {}).get(each, each) for each in delimited.sniff(path).names]
+
+    def load() -> Table:
+        table = delimited.read_table(path)
+        frame = table.frame.rename(columns=known) if known else table.frame
+        return replace(table, frame=change(frame) if change else frame)
+
+    return Part(name, tuple(names), load, **more)
 
 
 def with_axis(name: str, axis: str) -> str:
@@ -130,11 +135,9 @@ def _long(parts: Sequence[Part]) -> list[Part]:
 
 def ask(found: Sequence[Part], path: Path, why: str = "") -> WrongUsage:
     """Ask which of several tables is meant."""
-    return WrongUsage(
-        f"{path.name} has {len(found)} tables to choose from, {listed(found)}{why}: say which one "
-        "with --table",
-        *({"--table": part.name} for part in found[:LISTED]),
-    )
+    several = f"{len(found)} tables to choose from, {listed(found)}{why}"
+    flags = ({"--table": part.name} for part in found[:LISTED])
+    return WrongUsage(f"{path.name} has {several}: say which one with --table", *flags)
 
 
 def not_read(parts: Sequence[Part], chosen: Sequence[Part]) -> list[str]:
@@ -175,9 +178,9 @@ def side_by_side(tables: Sequence[Table], parts: Sequence[Part], moving: bool) -
     rows = min(len(t) - k for t, k in zip(seconds, starts, strict=True))
     a, b = (t[k : k + rows] for t, k in zip(seconds, starts, strict=True))
     left, right = (table.frame.iloc[k : k + rows] for table, k in zip(tables, starts, strict=True))
+    apart = f"stamps of a pair differ by at most {1000 * np.max(np.abs(a - b)):.3g} ms"
     note = (
-        f"{parts[0].name} and {parts[1].name} put side by side in the order of their rows; stamps "
-        f"of a pair differ by at most {1000 * np.max(np.abs(a - b)):.3g} ms"
+        f"{parts[0].name} and {parts[1].name} put side by side in the order of their rows; {apart}"
     )
     if rows < 3 or not np.max(np.abs(a - b)) < 1.5 * np.median(np.abs(np.diff(a))):
         if not moving:

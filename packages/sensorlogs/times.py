@@ -94,9 +94,8 @@ def is_time(name: str) -> bool:
         return False  # T(°) is a temperature
     bare = re.sub(r"[\s_]*[\[(].*$", "", lower)
     stem = re.sub(r"_([a-zµμ]+)$", lambda m: "" if m[1] in _UNITS else m[0], bare)
-    return bool(re.fullmatch(NAMES["times"]["named"], stem)) or (
-        lower in _UNITS and lower not in (*_SHORT, "s")
-    )
+    is_unit = lower in _UNITS and lower not in (*_SHORT, "s")
+    return is_unit or bool(re.fullmatch(NAMES["times"]["named"], stem))
 
 
 def time_column(frame: pd.DataFrame) -> str | None:
@@ -205,11 +204,9 @@ def of_table(table: Table, name: str | None = None, unit: str | None = None) -> 
         rising = [n for n in numbers if len(numbers) > 2 and (numbers[n].diff()[1:] > 0).all()]
         rising = [n for n in rising if re.split(r"\W|_", _words(n))[-1] not in _COUNTED]
         hints = [f" (column '{n}' only ever rises: --time {shlex.quote(n)}?)" for n in rising]
-        raise WrongUsage(
-            f"{table.file}, line 1: no column is named as time: say --rate HZ, or --time COLUMN"
-            f"{''.join(hints[:1])}, or of a moving log --columns t_s=COLUMN; there are: "
-            + ", ".join(table.frame)
-        )
+        say = f"say --rate HZ, or --time COLUMN{''.join(hints[:1])}"
+        say += f", or of a moving log --columns t_s=COLUMN; there are: {', '.join(table.frame)}"
+        raise WrongUsage(f"{table.file}, line 1: no column is named as time: {say}")
     with stamp_errors_at(table, name):
         return name, stamps(name, table.frame[name].to_numpy(), unit)
 
@@ -302,11 +299,10 @@ def _unit_from_numbers(name, t) -> tuple[str, str]:
         # Below 1: dates and durations of MATLAB and of spreadsheets.
         likely = "d" if step < 1 else "ms" if step < 1000 else "us" if step < 1e6 else "ns"
         rate = f"if that is {1 / (step * SCALES[likely]):.4g} Hz"
-        raise WrongUsage(
-            f"time column '{name}' advances by {step:.6g}: in which unit? Say --time-unit {likely} "
-            f"{rate} (or {', '.join(SCALES)}), or call it '{name}_{likely}'",
-            {"--time-unit": likely},
-        )
+        rate += f" (or {', '.join(SCALES)}), or call it '{name}_{likely}'"
+        which = f"in which unit? Say --time-unit {likely} {rate}"
+        said = f"time column '{name}' advances by {step:.6g}: {which}"
+        raise WrongUsage(said, {"--time-unit": likely})
     return "s", ""
 
 
@@ -553,10 +549,8 @@ def _regular(step, near, repairs) -> tuple[float, np.ndarray]:
         missing[at] = np.maximum(np.round(level - before), 0)
     jitter = max(step.max(where=~long, initial=0.0) / dt - 1, 1 - float(step.min()) / dt)
     if jitter > 0.1:
-        repairs.append(
-            f"time stamps wander by up to {jitter:.0%} of a step: "
-            "samples taken as evenly spaced between gaps"
-        )
+        taken = "samples taken as evenly spaced between gaps"
+        repairs.append(f"time stamps wander by up to {jitter:.0%} of a step: {taken}")
     if late := len(at) - np.count_nonzero(missing):
         repairs.append(f"{counted(late, 'sample')} stamped late but none lost: placed by count")
     return float((missing + 1).sum() / step.sum()), missing
@@ -575,10 +569,8 @@ def _coarse(t, rows, repairs) -> tuple[float, np.ndarray]:
     gap = ~whole & (lost > np.maximum(2, 0.05 * per_tick))
     missing = np.zeros(len(t) - 1, dtype=np.int64)
     missing[ticks[1:][gap] - 1] = lost[gap]
-    repairs.append(
-        f"time stamps repeat (resolution {np.median(length):.4g} s): samples taken as evenly "
-        f"spaced at {rate:.6g} Hz, counted between ticks"
-    )
+    taken = f"samples taken as evenly spaced at {rate:.6g} Hz, counted between ticks"
+    repairs.append(f"time stamps repeat (resolution {np.median(length):.4g} s): {taken}")
     return rate, missing
 
 
