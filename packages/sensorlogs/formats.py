@@ -102,7 +102,8 @@ def vbo(path: Path) -> list[Part]:
     """Read a VBO of Racelogic: minutes, to the west of Greenwich, and km/h."""
 
     def in_degrees(frame: pd.DataFrame) -> pd.DataFrame:
-        return frame.assign(lat_deg=frame["lat_deg"] / 60, lon_deg=-frame["lon_deg"] / 60)
+        degrees = frame.select_dtypes("number").filter(["lat_deg", "lon_deg"]) / 60
+        return frame.assign(**degrees * pd.Series({"lat_deg": 1, "lon_deg": -1})[degrees.columns])
 
     return [of_text("data", path, NAMES["vbo"], in_degrees, told_by=_MAKER)]
 

@@ -273,21 +273,22 @@ def tagged(path: Path) -> list[Part]:
                 lost += line[:1] not in b"#\r\n"
     notes = (f"{counted(lost, 'line')} without a tag that is named, left out",) * bool(lost)
     parts: list[Part] = []
-    for tag, file in files.items():
-        try:
-            table = delimited.read_table(Path(file.name))
-            parts += _of_tag(tag.decode(), replace(table, repairs=table.repairs + notes))
-        except (CannotAnswer, WrongUsage):  # a table of words
-            if _PRIMARY.fullmatch(tag.decode()):
-                raise
-    boot_s = 0.0  # by the receiver, if there is one
-    for part in sorted(parts, key=lambda part: part.name not in ("Fix", "Fix/GPS")):
-        frame = part.load().frame
-        unix_ms = [*frame.filter(["UnixTimeMillis", "utcTimeMillis"])]
-        if unix_ms and _BOOT_NS in frame and frame[_BOOT_NS].notna().all():
-            frame.insert(0, "t_s", 1e-9 * frame.pop(_BOOT_NS))
-            boot_s = boot_s or float((1e-3 * frame[unix_ms[0]] - frame["t_s"]).median())
-            frame["t_s"] += boot_s
+    with reading(path, "a log of tagged rows"):  # of words, where numbers should be
+        for tag, file in files.items():
+            try:
+                table = delimited.read_table(Path(file.name))
+                parts += _of_tag(tag.decode(), replace(table, repairs=table.repairs + notes))
+            except (CannotAnswer, WrongUsage):  # a table of words
+                if _PRIMARY.fullmatch(tag.decode()):
+                    raise
+        boot_s = 0.0  # by the receiver, if there is one
+        for part in sorted(parts, key=lambda part: part.name not in ("Fix", "Fix/GPS")):
+            frame = part.load().frame
+            unix_ms = [*frame.filter(["UnixTimeMillis", "utcTimeMillis"])]
+            if unix_ms and _BOOT_NS in frame and frame[_BOOT_NS].notna().all():
+                frame.insert(0, "t_s", 1e-9 * frame.pop(_BOOT_NS))
+                boot_s = boot_s or float((1e-3 * frame[unix_ms[0]] - frame["t_s"]).median())
+                frame["t_s"] += boot_s
     return parts
 
 
