@@ -261,10 +261,7 @@ def channels(log):
         bar.update()
         _, stanza, path = find(log)
         listing, errors = contents(path, stanza.get("format"))
-    for title, columns in listing:
-        print(title)
-        for name, kind, unit, told_by in columns:
-            print(f"  {name:<32} {kind:<24} {unit:<7} {told_by}".rstrip())
+    _tell("channels.txt", listing=listing)
     if len(errors) == len(listing):
         raise errors[0]
 
@@ -594,11 +591,8 @@ def claims(paper=None):
     table = ledger.verdicts()
     if paper:
         table = table[table["paper"] == paper]
-    for claim, row in table.iterrows():
-        print(f"{claim:<48} {row['verdict']}")
-    print()
-    for outcome, count in table["outcome"].value_counts().items():
-        print(f"{count:>5}  {outcome}")
+    counts = table["outcome"].value_counts().items()
+    _tell("claims.txt", verdicts=table["verdict"].items(), counts=counts)
 
 
 @_verb

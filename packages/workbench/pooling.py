@@ -12,6 +12,7 @@ from analysis.static_logs import characterised, standstill
 from analysis.static_logs.stored import plain
 from studies.pool import alike, pool, repeatability
 from workbench import pages
+from workbench.pages import Said, phrase
 from workbench.verdict import NAMES
 
 COMPARED, SAME_STEPS = 20_000, 0.9  # samples, and the correlation of their steps
@@ -99,26 +100,18 @@ def _group_channels(logs, axes):
     first, by_name, groups = logs[0], [{c.name: c for c in log.channels} for log in logs], {}
     for log in logs:
         if abs(log.rate_hz / first.rate_hz - 1) > SAME_RATE:
-            raise WrongUsage(
-                f"{first.given} has {first.rate_hz:g} Hz and {log.given} {log.rate_hz:g} Hz; pool"
-                " logs of one sampling rate, because sigma_v is the noise of a single sample"
-            )
+            raise WrongUsage(phrase(Said("pool_rates", {"one": first, "other": log})))
     for c in first.channels:
         for log, channels in zip(logs, by_name, strict=True):
             if c.name not in channels:
-                raise WrongUsage(
-                    f"{log.given} has no channel {c.name} as {first.given} has; it has"
-                    f" {', '.join(channels)}: name the same --columns"
-                )
+                about = {"name": c.name, "one": first, "other": log, "has": channels}
+                raise WrongUsage(phrase(Said("pool_lacks", about)))
             group = f"{c.kind} axes" if axes else c.name
             groups.setdefault(group, []).append((log, channels[c.name]))
     _refuse_same_readings(logs)
     for name, members in groups.items():
         if len(members) < 2:
-            raise WrongUsage(
-                f"{name}: one log and one channel are nothing to pool; give the logs of several"
-                " units, or --axes to pool the axes of one"
-            )
+            raise WrongUsage(phrase(Said("pool_nothing", {"name": name})))
         (log, c), *others = members
         for other, d in others:
             if (d.kind, d.unit) != (c.kind, c.unit):
