@@ -181,6 +181,9 @@ def test_a_bias_by_its_rivals(chosen, aics, ends, time, size, why):
     assert any(why in e.note for e in found.values())
     assert (found["corr_time"].unit, found["sigma_b"].unit) == ("s", "deg/s")
     assert (said("few_low") in found["corr_time"].note) == (time[0] == 600.0)  # 3 of them; 30 do
+    # Of a T_c that is not known, how many of them is not.
+    covers = ["log covers" in e.note and "at most" not in e.note for e in found.values()]
+    assert covers == [time[0] is not None, None not in (time[0], size[0])]
 
 
 def test_a_step_where_the_level_changes_leaves_no_slow_noise(monkeypatch):

@@ -5,6 +5,7 @@ import re
 from contextlib import nullcontext
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -26,7 +27,14 @@ from analysis.units import clock_offset, differences, find_events, trajectory_me
 from analysis.units.clock import _best_lags, _refined, least_squares, named_offset, stands_still
 from analysis.units.events import Apart, disagreements
 from analysis.units.frame import Track, interpolated, local_tracks, rate, tracks, unwrapped
-from analysis.units.metrics import Differences, _common, normal_factor, quantile, root_mean_square
+from analysis.units.metrics import (
+    Differences,
+    _common,
+    independent,
+    normal_factor,
+    quantile,
+    root_mean_square,
+)
 from analysis.units.side_by_side import (
     apart,
     conventions,
@@ -515,6 +523,13 @@ def test_an_interval_by_few_and_by_even_values():
         assert np.log(even.high / even.low) / 2 == pytest.approx(1.96 / np.sqrt(2 * n), rel=0.1)
         assert even.value**2 == pytest.approx(len(np.atleast_2d(of)) / 3, rel=0.03)
     assert root_mean_square(np.zeros(300), "m").value == 0.0
+    slow = gauss_markov(3000, 1.0, 1.0, 20.0, np.random.default_rng(2), runs=1)
+    n, both = independent(slow[0]), np.vstack([slow - slow.mean(), x[:1, :3000]])
+    for of in (root_mean_square, partial(quantile, q=0.5)):
+        about, plain = (of(both[0], unit="m", about_mean=k) for k in (True, False))
+        wider = np.divide([about.low, about.high], [plain.low, plain.high])
+        np.testing.assert_allclose(wider, 1 / np.sqrt(1 - 1 / n))  # what a log cannot see of itself
+        assert of(both, unit="m").note == of(both[::-1], unit="m").note == plain.note
 
 
 def test_a_noisy_drive_has_no_events_but_a_jump_of_many_deviations():

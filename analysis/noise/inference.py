@@ -230,13 +230,13 @@ class Inference:
         terms, duration, low, bounds = self.chosen.terms, self.likelihood.duration, None, {}
         if terms.get("corr_time"):
             times = duration / terms["corr_time"][-1]
-            note = said("times", times=_count(times))
-            few = said("few_low") if times < SELECTED else ""
-            return {what: self._of_bias(what, note, few) for what in ("corr_time", "sigma_b")}
+            note = said("times", times=_count(times)) + said("few_low") * (times < SELECTED)
+            time = self._of_bias("corr_time", note)
+            size = self._of_bias("sigma_b", note if time.resolved else "")
+            return {"corr_time": time, "sigma_b": size}
         if "rrw" in terms:  # a bias whose correlation time has no upper end
             unified, why = self.similar(UNIFIED), said("as_a_walk")
-            low, _ = self.likelihood.interval(unified, "corr_time")
-            least, _ = self.likelihood.interval(unified, "sigma_b")
+            low, least = (self.likelihood.interval(unified, k)[0] for k in ("corr_time", "sigma_b"))
             if low is not None:
                 why += said("as_a_walk_most", times=_count(duration / low))
             no_size, bounds = said("time_open", why=why), {"low": least}
@@ -252,17 +252,18 @@ class Inference:
             "sigma_b": Estimate.refused(self.unit, no_size, **bounds),
         }
 
-    def _of_bias(self, what, note, few):
+    def _of_bias(self, what, note):
+        """Estimate one of the two; of a T_c that is not known, how many the log covers is not."""
         chosen = self.chosen
 
         def alike(fit):  # a second slow process counts if the log shows one
             simple = len(fit.point) <= len(chosen.point)
             return simple or fit.aic < chosen.aic or chosen.plain != UNIFIED
 
-        e = self.estimate(what, note, said("too_few"), alike)
+        e = self.estimate(what, "", said("too_few"), alike)
         if e.resolved and e.high is not None:
-            return replace(e, note=e.note + few)
-        why = e.note if e.low is None else e.note + said("too_few")
+            return replace(e, note=listed(e.note, note))
+        why = e.note if e.low is None else listed(e.note, said("too_few"))
         if what == "sigma_b" and e.low is not None:
             why = said("time_open", why=why)
         return Estimate.refused(e.unit, why, low=e.low, high=e.high)
