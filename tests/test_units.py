@@ -334,6 +334,10 @@ def test_known_offsets_are_named(offset, said, undated):
     named, *others = named_offset(found, dated, b)
     assert named.replace("apart from days, ", "") == (undated or said).replace(SINCE, "")
     assert others == [True, by_gps]
+    other = replace(dated, name="b", t_s=dated.t_s - offset)  # GPS time read as of 1970, perhaps
+    assert named_offset(found, dated, other)[0] == said.replace(SINCE, "")
+    before = replace(dated, t_s=0 * dated.t_s)  # GPS time, when it was not yet ahead
+    assert "leap" not in named_offset(found, before, replace(before, name="b"))[0]
     if said in (AHEAD, LATE):
         then = replace(dated, t_s=dated.t_s - 10 * 365 * 86400)
         assert named_offset(found, then, replace(then, name="b")) == ("", False, "")
@@ -441,9 +445,19 @@ def test_a_unit_that_stops_half_way_is_said_to(stop, parks):
         stop_said = [n for n in found.notes if re.match("b stops for good (29|30)[0-9] s after", n)]
         held = [e for e in found.events if (e.unit, e.kind) == ("b", "hold") and e.size > 4]
         assert len(held) == (log is stays and not parks)  # a moves on by 3 m
+        assert "".join(found.notes).count("stops for good") == len(stop_said)
         assert len(over) == (stop < 400) and len(stop_said) == (stop < 400 and log is stays)
         assert abs(abs(found.clocks[0].offset_s.value) - 5.0) < 0.1
         assert (found.pairs[0].metrics["max_m"].value < 10) == (stop < 500 or log is early)
+
+
+def test_where_a_track_stops():
+    """known case: it stands for 40 s and goes on; 30 s of one position at its end are a stop."""
+    t = np.arange(200.0)
+    waits = np.where(t < 100, np.minimum(t, 60), t - 40)
+    for last, kept in ((199, 200), (171, 200), (169, 170), (0, 200)):
+        one = track(t, np.minimum(waits, waits[last])[:, None] * ROAD)
+        assert len(one.until_it_stops().t_s) == kept
 
 
 def stopped(log, at):
@@ -982,7 +996,7 @@ def test_events_are_in_utc_by_a_clock_that_drifts():
     assert said["b", "loss"] == ["10:14:20.0", "10:14:30.0"]
     assert told["content"]["time_zero_utc"].startswith("2024-05-01T10:00:0")
     # A first unit in GPS time, as its offset from one in UTC says; ten years before by 16 s.
-    for names, start, leap in (("ab", START, 18), ("ba", START - 10 * 365 * 86400, 16)):
+    for names, start, leap in (("ba", START, 18), ("ab", START - 10 * 365 * 86400, 16)):
         of = pair(rng, seconds=300, offset=float(leap), sigma=0.1, corr_time=5.0)
         of = {name: replace(u, zero_s=start + leap, clock="unix") for name, u in named(*of).items()}
         given = {name: of[name] for name in names}
