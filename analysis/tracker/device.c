@@ -1206,10 +1206,9 @@ static number device_by_fixes(Device *d, wide t_s, const number *fix, number spe
   return norm(north, east) / T;
 }
 
-static number device_vehicle(Device *d, wide t_s, number speed, number yaw_rate, number dt) {
+static number device_vehicle(Device *d, wide t_s, number speed, number yaw_rate) {
   wide seconds = t_s - d->t_before;
-  bool waits = !known(yaw_rate) && seconds <= (wide)DEVICE_GAP_S;
-  if (seconds + (wide)(R(0.5) * dt) >= (wide)AT_REST_EVERY_S && !waits) {
+  if (seconds > (wide)DEVICE_GAP_S || (seconds > 0 && known(yaw_rate))) {
     d->squares[0] = d->squares[1];
     d->squares[1] = SQUARE((speed - d->before) / R(seconds)) + SQUARE(speed * yaw_rate);
     d->t_before = t_s, d->before = speed;
@@ -1249,7 +1248,7 @@ static void device_orient(Device *d, wide t_s, bool moving, bool rests, number c
     heading = wrap(course + or_zero(d->mounting.mount));
     sigma = most(OPTIONS_SIGMA_SPEED / speed, R(PI / 180));
   }
-  number vehicle = device_vehicle(d, t_s, speed, attitude_yaw_rate(block), dt);
+  number vehicle = device_vehicle(d, t_s, speed, attitude_yaw_rate(block));
   attitude_epoch(block, rests, heading, sigma, vehicle);
 }
 

@@ -353,18 +353,17 @@ class Device:
         if driving:
             heading = wrap(course + (self.mounting.mount or 0.0))
             sigma = max(self.options.sigma_speed / speed, math.radians(1.0))
-        block.epoch(rests, heading, sigma, self._vehicle(t_s, speed, block.yaw_rate, dt))
+        block.epoch(rests, heading, sigma, self._vehicle(t_s, speed, block.yaw_rate))
 
-    def _vehicle(self, t_s, speed, yaw_rate, dt):
+    def _vehicle(self, t_s, speed, yaw_rate):
         """Square of the horizontal acceleration by GNSS speed and yaw rate; the larger of two.
 
-        Each over a second or more: a fast receiver has epochs without a sample, and its noise would
-        hide the acceleration. Receivers smooth their speed, so it shows an epoch late.
+        Receivers smooth their speed, so an acceleration shows an epoch late. A fast one has epochs
+        without a sample, which wait for the next.
         """
         since, before, square, last = self._before
         seconds = t_s - since
-        waits = yaw_rate != yaw_rate and seconds <= GAP_S
-        if seconds + 0.5 * dt >= EVERY_S and not waits:
+        if seconds > GAP_S or (seconds > 0 and yaw_rate == yaw_rate):
             forward, lateral = (speed - before) / seconds, speed * yaw_rate
             square, last = last, forward * forward + lateral * lateral
             self._before = t_s, speed, square, last
