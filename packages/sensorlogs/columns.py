@@ -440,9 +440,11 @@ def choose(
     no_unit = {c.column: f"no unit: --unit {FLAG[c.kind]}=... says it" for c in found if not c.unit}
     mute = any(c.kind in ("rate", "accel") for c in found if not c.unit) and not units
     if no_unit and (wanted or mute or not chosen):
-        header = "put the units into the header, such as gyro_x_deg_s, accel_z_g"
-        say = f"{_spelled(flags)}, whichever is right, or {header}"
-        raise WrongUsage(f"{file}: {', '.join(no_unit)}: no unit is known; {say}", *flags)
+        raise WrongUsage(
+            f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(flags)}, whichever is "
+            "right, or put the units into the header, such as gyro_x_deg_s, accel_z_g",
+            *flags,
+        )
     reasons = grouped((why, name) for name, why in (left_out | no_unit).items())
     listed = ", ".join(f"{', '.join(names)} ({why})" for why, names in reasons.items())
     if not found:
@@ -455,10 +457,12 @@ def choose(
     for each, alike in grouped((c.kind, c) for c in chosen).items():
         names, its_unit = [c.column for c in alike], alike[0].unit
         if not scales.keys() & {each, None} and _counts(frame, names, its_unit):
-            raw = f"columns {', '.join(names)}: whole numbers only: these look like raw counts"
-            of = f"{its_unit} per count, or --scale {FLAG[each]}=1"
-            say = f"{_spelled(flags)} with the datasheet's {of}"
-            raise WrongUsage(f"{file}, {raw}, not {its_unit}; {say}", *flags)
+            raise WrongUsage(
+                f"{file}, columns {', '.join(names)}: whole numbers only: these look like raw "
+                f"counts, not {its_unit}; {_spelled(flags)} with the datasheet's {its_unit} per "
+                f"count, or --scale {FLAG[each]}=1",
+                *flags,
+            )
     _check_gravity(frame, file, chosen, units)
     if not (kind or "rate" in units):
         _check_gyros(frame, file, chosen)
@@ -483,9 +487,12 @@ def _check_gravity(frame, file, chosen, units) -> None:
             said = {**units, "accel": one}
             several = len(accels) < len(chosen)
             flag = ",".join(f"{FLAG[k]}={u}" for k, u in said.items() if k) if several else one
-            of = f"{file}, columns {', '.join(c.column for c in group)}: the median |accel| is "
-            of += f"{length:.2f} {own}; it should be one g, so these look like {one}"
-            raise WrongUsage(f"{of}: say --unit {flag}", {"--unit": flag})
+            raise WrongUsage(
+                f"{file}, columns {', '.join(c.column for c in group)}: the median |accel| is "
+                f"{length:.2f} {own}; it should be one g, so these look like {one}: say --unit "
+                f"{flag}",
+                {"--unit": flag},
+            )
 
 
 def _check_gyros(frame, file, chosen) -> None:
@@ -507,8 +514,11 @@ def _check_flags(file, found, given, flags) -> None:
     for flag, text, each in given:
         if None in each and len(groups) > 1:
             has = " and ".join(f"{FLAG[its]} ({', '.join(of)})" for its, of in groups.items())
-            one = f"is for channels of one kind, and this log has {has}"
-            raise WrongUsage(f"{file}: --{flag} {text} {one}: {_spelled(flags)}", *flags)
+            raise WrongUsage(
+                f"{file}: --{flag} {text} is for channels of one kind, and this log has {has}: "
+                f"{_spelled(flags)}",
+                *flags,
+            )
         for absent in each.keys() - {None, *groups}:
             raise WrongUsage(
                 f"{file}: --{flag} {FLAG[absent]}= fits none of the columns chosen: leave it out, "

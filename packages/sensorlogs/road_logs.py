@@ -84,9 +84,12 @@ def lap(path: Path, origin: tuple[float, float]) -> RtkLap:
     block = (epochs["computer_s"] // CLOCK_WINDOW).astype(int)
     clock = epochs[["computer_s", "late_s"]].groupby(block).median()
     late = np.interp(wheel_t[counted], clock["computer_s"], clock["late_s"])
-    wheel_t_s = wheel_t[counted] - late - first / RATE_HZ
-    wheel_counts = (right - left)[counted] / 2  # the left one counts backward
-    return RtkLap(np.arange(n) / RATE_HZ, antennas, wheel_t_s, wheel_counts)
+    return RtkLap(
+        t_s=np.arange(n) / RATE_HZ,
+        antennas=antennas,
+        wheel_t_s=wheel_t[counted] - late - first / RATE_HZ,
+        wheel_counts=(right - left)[counted] / 2,  # the left one counts backward
+    )
 
 
 def _receiver(raw, name, path, origin):
