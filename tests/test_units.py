@@ -718,6 +718,10 @@ def test_holds_are_seen_by_what_moves_meanwhile():
         ):  # fmt: skip
             one, other = (track(T, T[:, None] * ROAD, angles=x) for x in (own, theirs))
             assert happened(one, other) == expected and happened(one) == []
+    until = T < 6.5  # a unit that ends meanwhile tells until then
+    short = np.outer(8 * np.clip((T[until] - 5) / 2, 0, 1), [0.6, -0.8])
+    told = happened(track(T, xy, (0.0, 0.0)), track(T[until], short, name="b"))
+    assert told == [("hold", 5.0, 7.0, 5.6)]
     t = np.arange(106.0)
     for last, kind in ((94.0, "hold"), (95.0, "frozen"), (1.0, None)):
         stays = track(t, np.maximum(t, last)[:, None] * [1.0, 0.0])
