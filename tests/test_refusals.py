@@ -273,10 +273,10 @@ def test_a_floor_does_not_jump_where_another_turn_appears():
 
 
 @pytest.mark.parametrize(("octave", "factor", "beyond"), [
-    (0, 1.029, False), (0, 1.031, True), (0, 0.969, True), (2, 1.08, False), (2, 1.085, True),
+    (0, 1.029, False), (0, 1.031, True), (0, 0.969, True), (2, 1.075, False), (2, 1.08, True),
     (3, 2.0, False)])  # fmt: skip
 def test_a_band_agrees_in_its_highest_octaves(octave, factor, beyond, monkeypatch):
-    """analytic: 3 % in power, and four standard errors, in the three highest octaves."""
+    """analytic: 3 % in power, and 3.83 standard errors: 3 in 1000, three octaves in 7.9 bands."""
     n, rng = 60_000, np.random.default_rng(5)
     monkeypatch.setattr(spectrum, "SINGLE", n)
     of = np.append(9, np.floor(-np.log2(np.sin(np.pi * np.arange(1, n) / (2 * n)))))
@@ -448,12 +448,13 @@ class Growing(SimpleNamespace):
 
 
 @pytest.mark.parametrize(("offered", "kept", "rival"), [
-    # Screened rise, kind, place; what the fit with it rises by.
-    ([(3.9, "warm_up", 10.0, 50.0)], 0, False), ([(4.0, "warm_up", 10.0, 14.0)], 1, False),
-    ([(4.1, "warm_up", 10.0, 13.9)], 0, True), ([(4.1, "warm_up", 10.0, 4.0)], 0, False),
-    ([(30.0, "step", 10.0, 24.9)], 0, True),
-    ([(30.0, "step", 50.0, 25.0), (30.0, "step", 51.1, 25.0)], 2, False),
-    ([(30.0, "step", 50.0, 25.0), (30.0, "step", 51.0, 25.0)], 1, False),  # the same within 2 %
+    # Screened rise, kind, place; what the fit with it rises by. Chi-squared of one degree, of 20
+    # warm-ups and of 8192 steps, 3 in 1000; of two degrees, of 397 sinusoids.
+    ([(3.8, "warm_up", 10.0, 50.0)], 0, False), ([(3.9, "warm_up", 10.0, 14.4)], 1, False),
+    ([(4.1, "warm_up", 10.0, 14.3)], 0, True), ([(4.1, "warm_up", 10.0, 3.8)], 0, False),
+    ([(30.0, "step", 10.0, 25.8)], 0, True), ([(30.0, "sinusoid", 10.0, 23.5)], 0, True),
+    ([(30.0, "step", 50.0, 25.9), (30.0, "step", 51.1, 25.9)], 2, False),
+    ([(30.0, "step", 50.0, 25.9), (30.0, "step", 51.0, 25.9)], 1, False),  # the same within 2 %
     ([(30.0, "sinusoid", 10.0, 30.0), (30.0, "step", 10.0, 30.0)], 2, False),
     ([(30.0, "sinusoid", 9.0 * 2**k, 30.0) for k in range(5)], 3, False),
     ([(30.0, "step", 9.0 * 2**k, 30.0) for k in range(8)], 6, False),
@@ -467,7 +468,7 @@ def test_terms_are_added_as_long_as_they_are_clearly_better(offered, kept, rival
 
     def offer(coarse, rows, temperature):
         best = [*offers, (0.0, added_terms.added_term("step", 1.0))][len(made)]
-        return [(14.0, added_terms.added_term("sinusoid", 77.0)), best]  # less beyond its need
+        return [(13.0, added_terms.added_term("sinusoid", 77.0)), best]  # less beyond its need
 
     def likelihood(columns, detrend):
         made.append(len(columns))

@@ -3,10 +3,11 @@
 Each is a regressor of the likelihood, so it is compared with noise that could look like it: a log
 with a slow Gauss-Markov bias has steps, and one with a random walk has sinusoids. `candidates`
 searches for the strongest of each kind on means of the log. `inference` fits all noise models again
-with the best one, and keeps it if 2 ln L rises by more than few simulated logs of the papers'
-models, of flicker noise and of a random walk show (`RISE`). Somewhat below that, the parameters are
-given as they are with the term and without; not with a step that takes time, which a slow bias
-makes too.
+with the best one, and keeps it if 2 ln L rises by more than three logs in 1000 without such a term
+show: chi-squared, the best of as many places as are tried (of 279 simulated logs of the papers'
+models, of flicker noise and of random walks, none to two have such a rise of each kind).
+Where one log in 20 has as much, the parameters are given as they are with the term and without; not
+with a step that takes time, which a slow bias makes too.
 """
 
 from collections.abc import Callable
@@ -17,29 +18,23 @@ import numpy as np
 from scipy.fft import dct, idct
 from scipy.ndimage import median_filter
 from scipy.optimize import minimize_scalar
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 
 from analysis import Estimate
 from analysis.noise.allan import overlapped_variance
 from analysis.noise.autocorrelation import block_means
-from analysis.noise.disturbances import Disturbance
+from analysis.noise.disturbances import CHANCE, Disturbance
 from analysis.noise.likelihood import Terms, _covariance, evaluate
 from analysis.noise.notes import said
-from analysis.noise.profile_likelihood import THRESHOLD
+from analysis.noise.profile_likelihood import LEVEL, THRESHOLD
 from analysis.noise.spectrum import outline, transform
 
-# Of 2 ln L, from which on a term may be there, and is kept. A warm-up looks much like a drift; of a
-# step that takes time nothing is unsure.
-RISE = {"warm_up": (4.0, 14.0), "step": (19.0, 25.0), "temperature": (6.0, 12.0)}
-SLOW_STEP = 30.0
-RISE |= {"sinusoid": RISE["step"], "slow step": (SLOW_STEP, SLOW_STEP)}
 COARSE = 2048  # means of the log on which terms are searched for
 WARM_UPS = 20  # time constants tried
 STEPS = 160  # positions at which the variance of a step's size is computed; a quarter if it is slow
 DURATIONS = 8, 16, 32  # of a step, means, tried
 CYCLES = np.arange(3, 400) / 2  # in the log; slower ones are drift, faster ones vibration
 FAR, NEIGHBOURS = 6.0, 9  # robust deviations of a mean, from the median of so many
-EDGE = 4  # means at either end of the log before and after which no step is looked for
 PROFILE = 12  # values on each side of a term's parameter
 WEAKER = (1.0, 0.5, 0.2)  # of the walk of the slow noise under which terms are looked for
 SHORTER = (np.inf, 0.1, 0.04, 0.015)  # its correlation times, in log lengths
@@ -106,7 +101,7 @@ class AddedTerm:
         if self.kind == "sinusoid":
             reach = self.at * min(0.5, self.at / coarse.duration)
         elif what == "at" and self.kind != "warm_up":
-            reach = min(self.at, coarse.duration - self.at) - coarse.m * coarse.dt
+            reach = max(min(self.at, coarse.duration - self.at) - coarse.m * coarse.dt, 0.0)
 
         def fall(x):
             places = {"at": self.at, "width": self.width, what: x}
@@ -134,7 +129,13 @@ class AddedTerm:
 def added_term(
     kind: str, at: float, width: float = 0.0, temperature: Callable | None = None
 ) -> AddedTerm:
-    """Make a term of a kind with its time constant, moment or period, and duration (s)."""
+    """Make a term of a kind with its time constant, moment or period, and duration (s).
+
+    It asks for the rise of 2 ln L that the best of as many as are tried has by chance: chi-squared,
+    with a degree of freedom for each column and for a duration, by Bonferroni. A warm-up looks much
+    like the drift that is fitted in any case: one may be there from where a single one would be. Of
+    a step that takes time nothing is unsure.
+    """
     columns: dict[str, list] = {
         "warm_up": [lambda t: np.exp(-t / at)],
         "step": [lambda t: (t >= at).astype(float)],
@@ -143,7 +144,11 @@ def added_term(
         "temperature": [temperature],
     }
     named = "slow step" if width else kind
-    return AddedTerm(kind, at, width, columns[named], *RISE[named])
+    steps = (1 + len(DURATIONS)) * COARSE
+    places = {"warm_up": WARM_UPS, "step": steps, "sinusoid": len(CYCLES), "temperature": 1}[kind]
+    may_be = CHANCE / places if width else (1 - LEVEL) / (1 if kind == "warm_up" else places)
+    rises = chi2.isf([may_be, CHANCE / places], len(columns[named]) + (width > 0))
+    return AddedTerm(kind, at, width, columns[named], *map(float, rises))
 
 
 def signal_of(terms: list[dict], t: np.ndarray) -> np.ndarray:
@@ -311,7 +316,7 @@ def candidates(
     screen = _Screen(coarse, rows)
     duration, step = coarse.duration, coarse.m * coarse.dt
     warm_ups = np.geomspace(0.005, 1, WARM_UPS) * duration
-    steps = np.arange(EDGE, len(coarse.y) - EDGE)
+    steps = np.arange(1, len(coarse.y))
     cycles = CYCLES[len(coarse.y) / 4 > CYCLES]
     searches = [  # kind, duration, where it is tried, rise of 2 ln L
         ("warm_up", 0.0, warm_ups, screen.of_columns(np.exp(-coarse.time / warm_ups[:, None]))),

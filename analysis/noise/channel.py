@@ -14,7 +14,7 @@ from analysis import CannotAnswer, Estimate
 from analysis.noise import graph
 from analysis.noise.allan import AllanCurve, allan_deviation, fit_line, with_and_without_line
 from analysis.noise.autocorrelation import autocovariance, block_means
-from analysis.noise.disturbances import FEW_LEVELS, adjusted
+from analysis.noise.disturbances import adjusted
 from analysis.noise.goodness import together
 from analysis.noise.inference import infer
 from analysis.noise.notes import said
@@ -28,6 +28,7 @@ LAGS = 400  # points that draw an autocorrelation
 FEWEST = 64  # samples below which there is nothing to average
 SMALLEST = 1e-140  # U: squares of smaller numbers, in sums, have no more digits
 ROUNDING = 1e-12  # relative; less than that is arithmetic, not noise
+FEW_LEVELS = 12  # different readings; fewer are remarked on
 FIRST = 1000  # samples in which they are looked for before the whole log is
 BRIEF = 600.0  # s; a shorter log is remarked on
 

@@ -18,22 +18,18 @@ from analysis.noise.autocorrelation import block_means, runs_of
 from analysis.noise.notes import listed, said
 from analysis.noise.parameters import SIZES, SLOW, WHITE
 
-FAR = 5.5  # robust deviations of a step: 0.04 of a million steps of Gaussian noise are larger
 HEAVIEST = 3.0  # tail index of the heaviest noise that is kept: Student's t of 3 degrees
 APART = 0.01  # chance that such noise has a gap as wide as the one below the spikes
 FEW = 2e-3, 1e-2  # spikes, and samples in them, as shares of all; more belongs to the noise
 COARSE = 0.35  # share of readings that repeat; more is resolution, or a held output
 LOOKED_AT = 100_000  # readings whose levels are counted
-FEW_LEVELS = 12  # with as many, readings move over many steps
 FINE = 10_000  # quantiles of a Gaussian
 CUT = 0.99  # of the scatter; where less is left, the numbers are refused
 DITHER = 0.5  # scatter in steps, rounding included: that of noise of 0.4 steps
 BURST = 10  # samples; large steps no further apart are one spike
 PARTS = 8  # of a log, and of each part, whose noise levels are compared
-LEAST = 8  # increments in a part of a part
 EXACT = 1e-9  # relative; what differs by less is no noise
-CHANCE = 1e-3  # that one test rejects Gaussian noise
-BEYOND = 5.0  # standard errors: of the kurtosis of Gaussian noise, of runs at the end of a range
+CHANCE = 3e-3  # that a test rejects the noise of a model, whatever number of places it looks at
 NOTICED = 1.2  # overdispersion that makes an interval a tenth wider
 UNSTEADY = 0.15  # widening beyond which one number does not describe the log
 BOUNDED = 2.7  # tail index below which the measured variance says little about the true one
@@ -41,7 +37,6 @@ TAIL = 500  # one increment in so many is in the tail
 LINE = 5.0  # times the spectrum around it; none of 9000 spectra of noise alone reached 4
 RESOLVED = 8192  # samples a piece of the spectrum, at most
 PERIODOGRAMS = 32, 256  # whose median is the spectrum, at least and at most
-NEIGHBOURS = 65  # bins of the spectrum around a line
 HELD = 0.1  # share of samples that differ from the one before; below it the output is held
 SHARE = 0.5  # of the Allan variance; where white noise has more, its level is what changes
 
@@ -167,7 +162,8 @@ def spikes(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
     np.abs(step, out=step)
     size = np.median(step, overwrite_input=True) / norm.ppf(0.75) if len(step) else 0.0
     np.subtract(known[1:], known[:-1], out=step)  # again: a long log leaves no room for a copy
-    far = (step > FAR * size) | (step < -FAR * size)
+    least = norm.isf(CHANCE / 2 / max(len(step), 1))  # robust deviations
+    far = (step > least * size) | (step < -least * size)
     large = np.flatnonzero(far) if size > 0 else np.zeros(0, int)
     runs = np.split(large, np.flatnonzero(np.diff(large) > BURST) + 1)
     # A spike returns; a shift does not.
@@ -176,7 +172,7 @@ def spikes(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
         return marked, []
     x = np.array([min(step[r].max(), -step[r].min()) / size for r in runs])
     order = np.argsort(-x, kind="stable")
-    x = np.append(x[order], FAR)
+    x = np.append(x[order], least)
     lengths = np.array([r[-1] - r[0] for r in runs])[order]
     lengths *= np.where(lengths > 1, 2, 1)  # what rings dies out
     few = np.cumsum(lengths) <= FEW[1] * len(step)
@@ -258,7 +254,7 @@ def resolution(y: np.ndarray, dt: float) -> list[Disturbance]:
     some = _known(y)[1]
     some = some[:: 1 + len(some) // LOOKED_AT]
     levels = np.unique(some)
-    if not 1 < len(levels) < FEW_LEVELS:
+    if len(levels) < 2:
         return []
     ratio = np.diff(levels).min() / np.std(some)
     if ratio < 1 / DITHER:
@@ -290,7 +286,7 @@ def saturation(y: np.ndarray, dt: float) -> list[Disturbance]:
         top = some == end(some)
         below = some == end(some, initial=farthest, where=~top)
         runs, beside = (np.count_nonzero(at[1:] & ~at[:-1]) for at in (top, below))
-        shares.append(top.mean() * (runs - beside > BEYOND * np.sqrt(runs + beside)))
+        shares.append(top.mean() * (runs - beside > norm.isf(CHANCE) * np.sqrt(runs + beside)))
     if not any(shares):
         return []
     ends = -norm.isf(shares[1]), norm.isf(shares[0])  # in deviations
@@ -350,7 +346,7 @@ def increments(means, width):
     """
     there, means = _known(means)
     k = len(there) // (2 * PARTS**2)
-    if k < LEAST:
+    if k < PARTS:
         return None
     used = there[: 2 * PARTS**2 * k]
     pairs = means[: len(used)].reshape(PARTS, PARTS, k, 2)
@@ -385,7 +381,7 @@ def heavy_tails(part: Increments) -> list[Disturbance]:
         Empty, or one.
     """
     excess, error = part.fourth - 3, np.sqrt(24 / part.z.size)
-    least = max(BEYOND * error, NOTICED - 1)
+    least = max(norm.isf(CHANCE) * error, NOTICED - 1)
     if excess < least:
         return []
     z, ends = np.abs(part.z), (part.edges[0], part.edges[-1])
@@ -406,7 +402,7 @@ def heavy_tails(part: Increments) -> list[Disturbance]:
 
 
 def level_changes(
-    part: Increments, affects: tuple[str, ...], chance: float = CHANCE
+    part: Increments, affects: tuple[str, ...], chance: float = CHANCE / 2
 ) -> list[Disturbance]:
     """Test for a noise level that changes along the log, by an analysis of variance.
 
@@ -421,7 +417,7 @@ def level_changes(
     part : Increments
     affects : tuple of str
     chance : float
-        That Gaussian noise is rejected.
+        That each of both tests rejects Gaussian noise.
 
     Returns
     -------
@@ -484,7 +480,7 @@ def uneven(y: np.ndarray, dt: float, m: int, white: float) -> list[Disturbance]:
         means, m = block_means(means, 2), 2 * m
     if not scales:
         return []
-    chance, found = CHANCE / len(scales), []
+    chance, found = CHANCE / (2 * len(scales)), []
     for is_white, affects in ((True, WHITE), (False, SIZES)):
         parts = [part for of_white, part in scales if of_white == is_white]
         tests = [d for part in parts for d in level_changes(part, affects, chance)]
@@ -552,13 +548,14 @@ def lines(y: np.ndarray, dt: float) -> tuple[list[tuple[float, float]], list[Dis
     steps = len(known) - 1
     length = min(RESOLVED, steps // PERIODOGRAMS[0])
     held = (known[1:] != known[:-1]).sum() < HELD * steps
-    if held or length < 8 * NEIGHBOURS:
+    beside = 2 * PERIODOGRAMS[0] + 1  # bins around, whose median is known as well as their own
+    if held or length < 8 * beside:
         return [], []
     first = np.arange(0, steps - length + 1, length * -(-(steps // length) // PERIODOGRAMS[1]))
     taken = np.diff(known[first[:, None] + np.arange(length + 1)])
     at, power = periodogram(taken, 1 / dt, window="hann")
     at, power = at[2:-1], np.median(power, axis=0)[2:-1]  # robust against shocks
-    around = median_filter(power, size=NEIGHBOURS, mode="nearest")
+    around = median_filter(power, size=beside, mode="nearest")
     ratio = np.divide(power, around, out=np.zeros_like(power), where=around > 0)
     most = int(np.argmax(ratio))
     if ratio[most] <= LINE:

@@ -12,13 +12,12 @@ from scipy.fft import idct
 from scipy.stats import chi2, f, norm
 
 from analysis.noise.added_terms import Coarse, _coefficients, _interleaved
-from analysis.noise.disturbances import Disturbance
+from analysis.noise.disturbances import CHANCE, Disturbance
 from analysis.noise.likelihood import Terms, _covariance, bin_variance
 from analysis.noise.notes import said
 from analysis.noise.parameters import SIZES, SLOW, WHITE
 from analysis.noise.spectrum import outline
 
-ALPHA = 0.003  # probability at which a test fails
 PRACTICAL = 0.2  # of the power: a smaller misfit is shown, and decides nothing
 FEWEST_SLOW = 12  # coefficients of slow noise that can be tested
 SMALL = 0.05  # of the power where white noise rules: from here on its interval is widened
@@ -85,7 +84,7 @@ def goodness_of_fit(likelihood, fit) -> tuple[Test, list[Disturbance]]:
     worst = int(np.argmin(chance))
     test = Test(float(off[worst]), float(chance[worst]), _verdict(chance[worst], off[worst]))
     misfits = []
-    for i in np.flatnonzero(chance < ALPHA):
+    for i in np.flatnonzero(chance < CHANCE):
         period = 2 * np.pi * stretch.m * stretch.dt / np.sqrt(stretch.lam[octave == i].max())
         note = said("spectrum_off", off=100 * off[i], shortest=period, longest=2 * period)
         affects: tuple[str, ...] = WHITE if white[i] > 0.5 * count[i] else ()
@@ -164,7 +163,7 @@ def stationarity_of(coarse: Coarse, noise: Terms) -> tuple[Test, list[Disturbanc
     ratios = np.round(power / freedom, 4), np.round(freedom, 2)
     quarters = tuple(zip(*(values[2:].tolist() for values in ratios), strict=True))
     test = Test(float(off), least, _verdict(least, off), quarters)
-    if least >= ALPHA:
+    if least >= CHANCE:
         return test, []
     note = said(code, off=size, start=start, end=end)
     return test, [Disturbance("misfit", start, end, note, SLOW)]
@@ -194,7 +193,7 @@ def together(channels: list, duration: float) -> list[Disturbance]:
     off = power / freedom / (others[0] / others[1])
     p = 2 * len(off) * np.minimum(*(tail(off, freedom, others[1]) for tail in (f.cdf, f.sf)))
     k = int(np.argmin(p))
-    if p[k] >= ALPHA:
+    if p[k] >= CHANCE:
         return []
     level = np.log(power / freedom / (power.sum() / freedom.sum())) / 2
     low, high = float(level.min()), float(level.max())
@@ -212,6 +211,6 @@ def _two_sided(power, freedom):
 
 
 def _verdict(p, off):
-    if p >= ALPHA:
+    if p >= CHANCE:
         return "agrees"
     return "differs" if abs(off) > PRACTICAL else "differs by too little to matter"

@@ -26,7 +26,7 @@ from scipy.stats import norm
 from analysis import CannotAnswer, Estimate
 from analysis.noise.added_terms import AddedTerm, Coarse, candidates, subtracted, weaker_noise
 from analysis.noise.autocorrelation import block_means
-from analysis.noise.disturbances import EXACT, Disturbance, adjusted, lines, of_samples, uneven
+from analysis.noise.disturbances import CHANCE, Disturbance, adjusted, lines, of_samples, uneven
 from analysis.noise.fit import UNIFIED, WITH_WALK, Fit, NoiseLikelihood, direction, fit_all, rows
 from analysis.noise.goodness import Test, by_octave, goodness_of_fit, stationarity_of
 from analysis.noise.likelihood import bin_variance, evaluate, simulate
@@ -37,10 +37,8 @@ from analysis.noise.profile_likelihood import LEVEL, THRESHOLD, interval
 from analysis.noise.spectrum import USED, fewest_to_average, spectra
 
 FEWEST_MEANS = 256  # averaging stops before fewer means are left
-OCTAVES = 3  # at the top of the band, where the model has to agree
-AGREE = 0.03  # relative
+AGREE = 0.03  # relative; so well the model has to agree at the top of the band
 MARGIN = 2  # doublings beyond the first band without a visible filter
-BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
 SELECTED = 30  # correlation times; the values of logs that hold fewer are a selection
 FOLDED = 0.23  # of the white noise of means comes from shorter periods: 1 - mean of sinc^2
 MOST_TERMS, MOST_OTHERS = 6, 3  # after the third term only steps: a strong sinusoid has side lobes
@@ -360,7 +358,7 @@ def infer(
             break
         pieces = transformed(2 * m)
         wider = pieces and NoiseLikelihood(pieces, detrend=detrend)
-        if wider is None or wider.scale < EXACT * likelihood.scale:
+        if wider is None or wider.scale < np.sqrt(np.finfo(float).eps) * likelihood.scale:
             break  # gaps leave nothing to average, or a pattern averages out to the last digit
         likelihood, m = wider, 2 * m
     if masked and not cleared:
@@ -511,16 +509,18 @@ def disagreement(likelihood, fit):
     worst : float
         Largest relative difference.
     beyond : bool
-        Some octave is off by more than 3 % and by more than four standard errors.
+        Some octave is off by more than 3 %, and not by chance.
     """
     stretch = likelihood.spectrum
     variance = bin_variance(stretch, likelihood.terms(fit))[0]
     # Each coefficient counts once, whatever the slope of the spectrum.
     parts = stretch.yy / variance, stretch.count
-    measured, count = (sums[:OCTAVES] for sums in by_octave(stretch, *parts)[1])
-    off = measured[count > 0] / count[count > 0] - 1
-    error = np.sqrt(2 / count[count > 0])
-    return float(np.abs(off).max()), bool(np.any(np.abs(off) > np.maximum(AGREE, BEYOND * error)))
+    # Those that the margin averages away, and the next, in each band that a log may be fitted in.
+    measured, count = (sums[: MARGIN + 1] for sums in by_octave(stretch, *parts)[1])
+    off = np.abs(measured[count > 0] / count[count > 0] - 1)
+    looks = len(off) * max(np.log2(stretch.whole / FEWEST_MEANS), 1.0)
+    chance = norm.isf(CHANCE / 2 / looks) * np.sqrt(2 / count[count > 0])
+    return float(off.max()), bool(np.any(off > np.maximum(AGREE, chance)))
 
 
 def lost_in_means(finest, likelihood, fit):
