@@ -338,9 +338,11 @@ def read_table(path: Path) -> Table:
 def check_size(path: Path, rows: int, columns: int, about: str = "") -> None:
     """Refuse more numbers than are read at once."""
     if 8 * rows * columns > LARGEST:
-        of = f"{about}{rows:,} rows and {columns} columns are {8 * rows * columns / 1e9:.0f} GB"
-        more = f"more than {LARGEST / 1e9:.0f} GB: save fewer of them as a log"
-        raise CannotAnswer(f"{path.name}: {of} of numbers, {more}")
+        raise CannotAnswer(
+            f"{path.name}: {about}{rows:,} rows and {columns} columns are "
+            f"{8 * rows * columns / 1e9:.0f} GB of numbers, more than {LARGEST / 1e9:.0f} GB: save "
+            "fewer of them as a log"
+        )
 
 
 def _line_by_line(path: Path, layout: Layout, is_cut: bool) -> pd.DataFrame:

@@ -113,11 +113,16 @@ class Log:
         first, last = (round((t - self.start_s) * self.rate_hz) for t in (start, stop))
         channels = tuple(replace(c, values=c.values[first:last]) for c in self.channels)
         missing = np.all([np.isnan(c.values) for c in channels], axis=0)
-        counts = {"samples": int((~missing).sum())}
-        counts["gaps"] = int((np.diff(missing.astype(int)) > 0).sum())
-        warm = None if self.temperature is None else self.temperature[first:last]
-        cut = replace(self, channels=channels, temperature=warm, **counts)
-        return replace(cut, repairs=(repair, *self.repairs), start_s=start, used=(start, stop))
+        return replace(
+            self,
+            channels=channels,
+            samples=int((~missing).sum()),
+            gaps=int((np.diff(missing.astype(int)) > 0).sum()),
+            repairs=(repair, *self.repairs),
+            temperature=None if self.temperature is None else self.temperature[first:last],
+            start_s=start,
+            used=(start, stop),
+        )
 
 
 def read(
@@ -203,12 +208,22 @@ def read(
     if temperature is not None:  # straight lines over what is missing
         slow = pd.Series(grid.place(temperature)).interpolate(limit_direction="both")
         temperature = slow.to_numpy()
-    unstated = {"title": path.name, "licence": "not stated", "source": "the reader's own log"}
-    about = {key: stanza.get(key, said) for key, said in unstated.items()}
-    about |= {"name": name, "given": str(log), "file": path.name, "sha256": datasets.sha256(path)}
-    placed = {"rate_hz": grid.rate_hz, "gaps": grid.gaps, "start_s": float(start_s)}
-    values = {"channels": channels, "samples": len(rows.frame), "temperature": temperature}
-    return Log(repairs=repairs, **about, **placed, **values)
+    return Log(
+        name=name,
+        title=stanza.get("title", path.name),
+        file=path.name,
+        sha256=datasets.sha256(path),
+        rate_hz=grid.rate_hz,
+        channels=channels,
+        samples=len(rows.frame),
+        gaps=grid.gaps,
+        repairs=repairs,
+        licence=stanza.get("licence", "not stated"),
+        source=stanza.get("source", "the reader's own log"),
+        given=str(log),
+        temperature=temperature,
+        start_s=float(start_s),
+    )
 
 
 def _of_sensor(table: Table, wanted: Sequence[str | int]) -> Table:

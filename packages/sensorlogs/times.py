@@ -299,10 +299,11 @@ def _unit_from_numbers(name, t) -> tuple[str, str]:
         # Below 1: dates and durations of MATLAB and of spreadsheets.
         likely = "d" if step < 1 else "ms" if step < 1000 else "us" if step < 1e6 else "ns"
         rate = f"if that is {1 / (step * SCALES[likely]):.4g} Hz"
-        rate += f" (or {', '.join(SCALES)}), or call it '{name}_{likely}'"
-        which = f"in which unit? Say --time-unit {likely} {rate}"
-        said = f"time column '{name}' advances by {step:.6g}: {which}"
-        raise WrongUsage(said, {"--time-unit": likely})
+        raise WrongUsage(
+            f"time column '{name}' advances by {step:.6g}: in which unit? Say --time-unit {likely} "
+            f"{rate} (or {', '.join(SCALES)}), or call it '{name}_{likely}'",
+            {"--time-unit": likely},
+        )
     return "s", ""
 
 
