@@ -147,8 +147,9 @@ def added_term(
     steps = (1 + len(DURATIONS)) * COARSE
     places = {"warm_up": WARM_UPS, "step": steps, "sinusoid": len(CYCLES), "temperature": 1}[kind]
     may_be = CHANCE / places if width else (1 - LEVEL) / (1 if kind == "warm_up" else places)
-    rises = chi2.isf([may_be, CHANCE / places], len(columns[named]) + (width > 0))
-    return AddedTerm(kind, at, width, columns[named], *map(float, rises))
+    of_chance = chi2.isf([may_be, CHANCE / places], len(columns[named]) + (width > 0))
+    unsure, gain = of_chance.tolist()
+    return AddedTerm(kind, at, width, columns[named], unsure, gain)
 
 
 def signal_of(terms: list[dict], t: np.ndarray) -> np.ndarray:

@@ -255,8 +255,9 @@ def root_mean_square(x: np.ndarray, unit: str, *, about_mean: bool = False) -> E
     error = float((np.maximum(square.var(axis=1), least) / count).sum())
     freedom = 2 * total**2 / max(error, 1e-12 * total**2) if total else 1.0
     tail = norm.sf(normal_factor(own))
-    ends = freedom * total / less / np.array([chi2.isf(tail, freedom), chi2.ppf(tail, freedom)])
-    return _estimate(np.sqrt(total), *np.sqrt(ends), own, unit)
+    ends = np.array([chi2.isf(tail, freedom), chi2.ppf(tail, freedom)])
+    low, high = np.sqrt(freedom * total / less / ends).tolist()
+    return _estimate(float(np.sqrt(total)), low, high, own, unit)
 
 
 def normal_factor(n: float) -> float:

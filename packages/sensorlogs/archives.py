@@ -156,8 +156,8 @@ def phone(parts: list[Part]) -> Iterator[Part]:
         primary &= stem != "accelerometer" or "totalacceleration" not in stems
         turned = ios and stem.startswith("accel")
         load = functools.partial(_renamed, part, names, stems.get("gravity"), turned)
-        more = {"columns": tuple(names.get(c, c) for c in part.columns), "told_by": EXPORT}
-        yield replace(part, load=load, primary=primary, **more)
+        ours = tuple(names.get(c, c) for c in part.columns)
+        yield replace(part, columns=ours, load=load, told_by=EXPORT, primary=primary)
 
 
 def _renamed(part: Part, names: dict[str, str], gravity: Part | None, turned: bool) -> Table:
