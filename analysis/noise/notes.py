@@ -2,13 +2,16 @@
 
 import pkgutil
 import tomllib
+from collections.abc import Callable
 
-SENTENCES = tomllib.loads((pkgutil.get_data(__name__, "notes.toml") or b"").decode())
+
+def of_room(module: str) -> tuple[dict, Callable[..., str]]:
+    """Give the sentences of the notes.toml beside a module, and what writes one: code, numbers."""
+    known = tomllib.loads((pkgutil.get_data(module, "notes.toml") or b"").decode())
+    return known, lambda code, /, **numbers: known[code].format(**numbers)
 
 
-def said(code: str, **numbers) -> str:
-    """Write the sentence of a code with its numbers."""
-    return SENTENCES[code].format(**numbers)
+SENTENCES, said = of_room(__name__)
 
 
 def tells(code: str, text: str) -> bool:

@@ -40,7 +40,7 @@ SAME_M = 25.0  # median difference, constant shift taken out, that is always all
 # More is allowed as far as the receivers' own errors go, which show across the track, where neither
 # clock nor pace counts; but not of two roads, which differ across the track as far as they extend.
 OWN_ERRORS, OF_EXTENT = 2.0, 0.01  # times the scatter across the track; share of the extent
-CHANCE = 25.0  # gain that no lag of a thousand has by chance: chi-square of one degree, P = 6e-7
+BY_CHANCE = 25.0  # gain that no lag of a thousand has by chance: chi-square of one degree, P = 6e-7
 KNOWN = 3.0  # standard errors by which two velocities must have changes of speed in common
 FEWEST_SAMPLES = 20  # of common attitudes
 THIN_S = 1.0  # between epochs when lags are compared
@@ -132,7 +132,7 @@ def clock_offset(a: Track, b: Track) -> Clock:
     same_m = max(SAME_M, min(OWN_ERRORS * best.cross, OF_EXTENT * extent))
     # Elsewhere a stretch of another road bends alike: what a datum and the stamps speak against
     # has to be passed at one pace.
-    away = best.scatter > same_m or ((stamps or best.apart > same_m) and best.gain < CHANCE)
+    away = best.scatter > same_m or ((stamps or best.apart > same_m) and best.gain < BY_CHANCE)
     if away or best.along > max(ALONG_M, SAME_JOURNEY * best.cross):
         raise CannotAnswer(said("no_journey", both=both, best=best, stamps=stamps))
     return Clock(best.offset, best.drift, best.middle, *named_offset(best.offset, a, b))

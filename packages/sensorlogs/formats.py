@@ -102,8 +102,9 @@ def vbo(path: Path) -> list[Part]:
     """Read a VBO of Racelogic: minutes, to the west of Greenwich, and km/h."""
 
     def in_degrees(frame: pd.DataFrame) -> pd.DataFrame:
-        degrees = frame.select_dtypes("number").filter(["lat_deg", "lon_deg"]) / 60
-        return frame.assign(**degrees * pd.Series({"lat_deg": 1, "lon_deg": -1})[degrees.columns])
+        degrees = {"lat_deg": 1 / 60, "lon_deg": -1 / 60}
+        there = frame.select_dtypes("number").columns.intersection([*degrees])
+        return frame.assign(**{name: degrees[name] * frame[name] for name in there})
 
     return [of_text("data", path, NAMES["vbo"], in_degrees, told_by=_MAKER)]
 
