@@ -30,7 +30,7 @@ from analysis.units.notes import said
 SMALLEST = 1e-8  # of the largest difference's variance: stands for zero
 FAR = 1e6  # of the same: no standard deviation of independent units
 NEARLY_ZERO = 1e-2  # of the other end of a range: what the search leaves of zero
-ROUNDS, ENOUGH = 200, 1e-4  # rounds of the fit; of a logarithm, the ends of an interval
+ROUNDS, ENOUGH = 200, 1e-9  # rounds of the fit; of a logarithm, the ends of an interval
 CORRELATIONS = (0.2, 0.5)  # between two units, assumed for the ranges
 ASSUMED, WIDE = 0.2, 2.0  # a range of a standard deviation over this ratio is wide
 LEVEL = 0.01  # of the test of independence
