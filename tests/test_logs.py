@@ -334,6 +334,7 @@ BAD_ROWS = [  # rows, what is said of the first that is faulty; what cannot be a
     ([*lines()[:50], *lines()[120:]], "line 52 | 't_s' | 70 of 200 | --from"),
     (HALF, "line 2 | 'gyro_x_deg_s' | 67 of 200 | --columns"),
     (lines(40), "line 41 | its sample 40 | 64"),
+    (["0,x,1"], "line 2 | 't_s' | 1 samples are left"),
     ([], "line 1 | no data"),
 ]  # fmt: skip
 AB = HEADER.replace("_deg_s", "")

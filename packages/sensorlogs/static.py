@@ -292,7 +292,7 @@ def _placed(table, option):
     same = np.flatnonzero(at[1:] == at[:-1]) + 1
     now = frame.iloc[same]
     before = frame.iloc[same - 1].set_axis(now.index)
-    for name in few if tags and _uneven(at) > 0.5 else ():
+    for name in few if tags and len(at) > 1 and _uneven(at) > 0.5 else ():
         each = [at[rows] for rows in frame.groupby(name).indices.values()]
         throughout = len(each) > 1 and min(map(np.ptp, each)) > np.ptp(at) / 2
         if throughout and _uneven(at) > 2 * max(map(_uneven, each)):
