@@ -104,13 +104,13 @@ class Triad:
         bounds = [bound for bound in self.each(f"{name}_bound") if bound is not None]
         return max(bounds, default=None) if self.mean(name) is None else None
 
-    def process(self, name="sigma_b"):
-        """One (sigma_b, T_c) for the axes that have a number, or None.
+    def process(self):
+        """One (sigma_b, T_c) for the axes that have them, or None.
 
         Root mean squares of sigma_b and of its random walk, so that both keep their mean power:
         T_c = 2 sigma_b^2 / K^2. Axes that only have a random walk count where no axis has more.
         """
-        processes = [(a["sigma_b"], a["corr_time"]) for a in self.having(name)]
+        processes = [(a["sigma_b"], a["corr_time"]) for a in self.having("sigma_b")]
         if not (processes := [p for p in processes if p[1] < FOREVER] or processes):
             return None
         sigma, time = np.array(processes).T
