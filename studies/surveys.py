@@ -47,7 +47,6 @@ PLANE_N, PLANE_B = np.geomspace(1e-4, 0.1, 13), np.geomspace(1e-5, 0.1, 17)  # d
 SURFACE_T_C = (20.0, 60.0, 200.0, 600.0, 2000.0)  # s, correlation times of the bias
 SURFACE_RUNS, SURFACE_RESAMPLES = 200, 400
 SWEEP_LAPS, SWEEP_BLOCK, SWEEP_RESAMPLES = 12_000, 500, 200
-ENSEMBLES, COVERAGE_DRAWS, COVERAGE_RESAMPLES = (300, 1200, 4200), 400, 500
 R_TIMES = (0.5, 1.0, 2.0, 4.0, 10.0, 30.0)  # R over the R of notebooks 21 to 23
 HIGHWAY_WIDTH = 5.0  # m, standard deviation of the Gaussian that smooths the highway
 TRACKERS, STARTS = ("R tuned", "bias states"), ("stationary", "turn-on")
@@ -216,8 +215,7 @@ def sweeps():
     """Track the paper's sweeps and sensors on so many laps that lost laps do not decide by chance.
 
     The pooled variance is nearly all of lost laps: on 300 laps it is 2.2 to 6.3 m^2 for the MEMS
-    sensor, by the seed. ``coverage`` counts how often intervals from ensembles of other sizes,
-    drawn from these laps, hold the value that all of them have.
+    sensor, by the seed.
 
     Returns
     -------
@@ -225,28 +223,23 @@ def sweeps():
         Source.
     dict of DataFrame
         ``cells`` (a row a sensor: its label, laps lost), ``mean`` and ``variance`` (a column a
-        cell, the sample in the first row and a bootstrap sample of the laps in each further row),
-        ``coverage``.
+        cell, the sample in the first row and a bootstrap sample of the laps in each further row).
     """
     labels = sweep_cells()
     parts = sorted(compute(_sweep_block, range(SWEEP_LAPS // SWEEP_BLOCK)), key=itemgetter(0))
     absolute, signed, square, most = np.concatenate([part for _, part in parts], axis=2)
-    rng = np.random.default_rng(SEED)
-    weights = counts(SWEEP_LAPS, SWEEP_RESAMPLES, rng) / SWEEP_LAPS
+    weights = counts(SWEEP_LAPS, SWEEP_RESAMPLES, np.random.default_rng(SEED)) / SWEEP_LAPS
     tables = {"mean": weights @ absolute.T}
     tables["variance"] = weights @ square.T - (weights @ signed.T) ** 2
     named = {k: rounded(pd.DataFrame(v, columns=[*labels]), 4) for k, v in tables.items()}
     cells = pd.DataFrame({"cell": [*labels], "laps_lost": (most > LOST_M).mean(axis=1)})
-    worst = [*labels].index("MEMS R x 1")
-    covered = [_covered(signed[worst], square[worst], n, rng) for n in ENSEMBLES]
     source = {
         "title": "The sweeps of Figs 8 to 11 and the sensors of Fig 12 on many laps",
         "seed": SEED,
         "laps": SWEEP_LAPS,
         "setup": _sweep_setup().stated(),
     }
-    named |= {"cells": rounded(cells, 4), "coverage": rounded(pd.DataFrame(covered), 3)}
-    return source, named
+    return source, named | {"cells": rounded(cells, 4)}
 
 
 def sweep_cells():
@@ -279,21 +272,6 @@ def _sweep_block(block):
     laps = _laps(sensors, setup, SWEEP_BLOCK, 1000 * SEED + block)
     e = laps.error
     return np.stack([np.abs(e).mean(-1), e.mean(-1), (e**2).mean(-1), np.abs(e).max(-1)])
-
-
-def _covered(signed, square, laps, rng):
-    """Count how often the interval of the variance from so many laps holds that of all laps."""
-    true, found = square.mean() - signed.mean() ** 2, []
-    for _ in range(COVERAGE_DRAWS):
-        one = rng.integers(len(square), size=laps)
-        weights = counts(laps, COVERAGE_RESAMPLES, rng) / laps
-        found.append(weights @ square[one] - (weights @ signed[one]) ** 2)
-    low, high = np.quantile([of[0] for of in found], [0.025, 0.975])
-    row = {"laps": laps, "variance": true, "low": low, "high": high, "draws": COVERAGE_DRAWS}
-    for name, skewed in {"covered": True, "covered_by_percentiles": False}.items():
-        ends = [interval(of, skewed=skewed) for of in found]
-        row[name] = np.mean([e.low <= true <= e.high for e in ends])
-    return row
 
 
 def inverse_design():

@@ -249,8 +249,8 @@ def test_the_committed_study_is_simulated_again_the_same():
         assert (found["inside"] - found["stored_inside"]).abs().max() < 0.0051
 
 
-def test_the_stored_sweeps_hold_the_claims_cells_and_their_coverage():
-    """coverage: 93 to 98 % of 400 ensembles of each size, where percentiles alone fall short."""
+def test_the_stored_sweeps_hold_the_claims_cells():
+    """property: every cell is there, and within the quantiles of its bootstrap samples."""
     tables = store.read("sweeps").tables
     cells = tables["cells"]["cell"]
     over_n, over_b = Setup.sweeps()
@@ -259,10 +259,6 @@ def test_the_stored_sweeps_hold_the_claims_cells_and_their_coverage():
         assert list(table.columns) == list(cells)
         low, high = np.quantile(table.iloc[1:], [0.025, 0.975], axis=0)
         assert ((low <= table.iloc[0]) & (table.iloc[0] <= high)).all()
-    covered = tables["coverage"].set_index("laps")
-    assert covered["covered"].between(0.93, 0.98).all()  # 95 % of 400: 93 to 97; skewed, wider
-    assert covered.loc[300, "covered_by_percentiles"] < 0.93
-    assert (spread := covered["high"] / covered["low"])[4200] < 1.6 < spread[300]
 
 
 def test_conditions_of_verdicts_on_the_terrain_paper_are_few():

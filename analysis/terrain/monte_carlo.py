@@ -445,9 +445,8 @@ def interval(resampled: ArrayLike, *, skewed: bool = False) -> Estimate:
         The first row is the sample's own.
     skewed : bool
         For a number above zero that a few lost laps decide, such as a variance: the hull of the
-        percentile interval and of its mirror image about the value, in logarithms. Of ensembles of
-        300 to 4200 laps it holds the variance in 94 to 96 %, the percentile interval alone in 90 to
-        95 % (``data/derived/sweeps``).
+        percentile interval and of its mirror image about the value, in logarithms. Where nine of
+        300 laps are lost it holds the mean square in 97 %, the percentile interval alone in 83 %.
 
     Returns
     -------
