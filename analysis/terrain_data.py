@@ -1,6 +1,6 @@
 """The terrain paper's data: surveyed roads and laps, error planes, claims by interpretation.
 
-profile("ccw"), laps("ccw"), highway("to-altoona")    the surveyed roads
+profile("ccw"), laps("ccw")                           the surveyed track
 lap_and_map("16-32-11")                               a real lap, and the map without it
 error_plane()                                         the tracking error over N and B
 interpretations()                                     the claims in interpretations of the paper
@@ -23,8 +23,8 @@ from analysis.terrain.terrain_map import Profile
 from sensorlogs import road_logs
 
 __all__ = [
-    "antenna_mounting", "error_plane", "highway", "in_words", "interpretations", "lap",
-    "lap_and_map", "lap_curves", "laps", "map_error", "profile", "roads",
+    "antenna_mounting", "error_plane", "in_words", "interpretations", "lap", "lap_and_map",
+    "lap_curves", "laps", "map_error", "profile", "roads",
 ]  # fmt: skip
 
 TRACK, HIGHWAY = "psu-test-track", "psu-highway"
@@ -58,26 +58,6 @@ def laps(direction: str | None = None) -> dict[str, Lap]:
         _check(direction, source["length_m"], "direction")
     wanted = [n for n, of in source["laps"].items() if direction in (None, of["direction"])]
     return {name: lap(name) for name in wanted}
-
-
-def highway(name: str) -> np.recarray:
-    """Read a drive on I-99, ``to-state-college`` or ``to-altoona``, with altitude jumps removed.
-
-    Returns
-    -------
-    numpy.recarray, shape (n,)
-        ``s_m``, distance driven, evenly spaced; ``east_m``, ``north_m``, ``height_m`` in the
-        survey's own frame; ``grade_deg`` of the road, uphill positive, the central difference of
-        height; ``levelled``, where the height had jumped and its level is interpolated.
-    """
-    stored = _road(HIGHWAY)
-    _check(name, stored.source["drives"], "drive")
-    table, step = stored.tables[name], stored.source["step_m"]
-    return table.assign(
-        s_m=np.arange(len(table)) * step,
-        grade_deg=np.degrees(np.arctan(np.gradient(table["height_m"], step))),
-        levelled=table["levelled"] == 1,
-    ).to_records(index=False)
 
 
 def antenna_mounting() -> AntennaMounting:
@@ -226,9 +206,11 @@ def roads() -> Roads:
         road = IsoRoad.of_class(letter).simulate(3000.0, 0.5, rng, hill_grade_deg=hills)
         return road[["pitch_deg", "roll_deg"]].to_numpy().T
 
-    drive = highway("to-altoona")
-    at = drive.s_m[len(drive.s_m) // 2] + np.arange(0.0, 3000.0, 0.5)
-    of_i99 = np.array([np.interp(at, drive.s_m, drive.grade_deg), iso("A", 0.0)[1]])
+    drive = store.read(HIGHWAY)
+    height, step = drive.tables["to-altoona"]["height_m"], drive.source["step_m"]
+    s, grade = np.arange(len(height)) * step, np.degrees(np.arctan(np.gradient(height, step)))
+    at = s[len(s) // 2] + np.arange(0.0, 3000.0, 0.5)
+    of_i99 = np.array([np.interp(at, s, grade), iso("A", 0.0)[1]])
     track = profile("ccw").attitude_map(("pitch", "roll"))
     maps = {"track": track, "I-99": AttitudeMap(0.0, 0.5, of_i99)}
     maps |= {f"ISO {c}": AttitudeMap(0.0, 0.5, iso(c, HILLS_DEG)) for c in "AC"}

@@ -27,12 +27,9 @@ LAPS = {"ccw": ("14-45-26", "15-12-43", "15-53-44", "16-06-28"), "cw": ("17-39-1
 DIRECTION_OF = {name: direction for direction, names in LAPS.items() for name in names}
 GATE = (40.86217, -77.83619)  # lat, lon, deg: s = 0, in the stretch where the laps begin
 DT = 1.0 / road_logs.RATE_HZ
-DRIVES = {
-    "to-state-college": "I99_Altoona33_to_StateCollege73_20210123.mat",
-    "to-altoona": "I99_StateCollege73_to_Altoona33_20210123.mat",
-}
+DRIVE = f"{HIGHWAY}/I99_StateCollege73_to_Altoona33_20210123.mat"
 WIDTH = 1.0  # m, of the smoothing: less hardly improves a held-out lap; shown in notebook 20
-FINE = 8  # digits of a distance along the track: a curvature is computed from it
+FINE = 8  # digits of a distance along the track, and of the centre line
 SPACING = 0.5  # m between the rows that are used: at a stop the height drifts, the road does not
 HIGHWAY_STEP = 5.0  # m
 ATLAS = ["sensor", "name", "axis", "kind", "unit", "n", "n_low", "n_high", "b", "b_low", "b_high"]
@@ -123,42 +120,35 @@ def _table(columns):
 
 
 def highway():
-    """Clean both drives on I-99 of altitude jumps, and resample them every 5 m.
+    """Clean a drive on I-99 of altitude jumps, and resample it every 5 m.
 
     Returns
     -------
     dict
         Source.
     dict of DataFrame
-        A drive each.
+        ``to-altoona``: the height (m), from the start on.
 
     Raises
     ------
     sensorlogs.datasets.NotHere
-        If a raw file is not on this machine.
+        If the raw file is not on this machine.
     """
-    files = {name: f"{HIGHWAY}/{file}" for name, file in DRIVES.items()}
-    about, tables = {}, {}
-    for name, file in files.items():
-        drive = road_logs.highway(datasets.path(file))
-        s = np.append(0.0, np.cumsum(np.hypot(drive["east_m"].diff(), drive["north_m"].diff())[1:]))
-        _, rows = np.unique(s // SPACING, return_index=True)
-        s, xyz = s[rows], drive[["east_m", "north_m", "height_m"]].to_numpy()[rows].T
-        xyz[2], level, jumps = antennas.remove_jumps(s, xyz[2])
-        at = np.arange(s[0], s[-1], HIGHWAY_STEP)
-        east, north, height = (antennas.smooth_onto(s, of, at, HIGHWAY_WIDTH) for of in xyz)
-        table = {"east_m": east, "north_m": north, "height_m": height}
-        levelled = np.interp(at, s, level) < 0.5
-        tables[name] = rounded(pd.DataFrame(table | {"levelled": levelled}))
-        about[name] = {"jumps_found": len(jumps)}
+    drive = road_logs.highway(datasets.path(DRIVE))
+    s = np.append(0.0, np.cumsum(np.hypot(drive["east_m"].diff(), drive["north_m"].diff())[1:]))
+    _, rows = np.unique(s // SPACING, return_index=True)
+    s, height = s[rows], drive["height_m"].to_numpy()[rows]
+    height, _, jumps = antennas.remove_jumps(s, height)
+    at = np.arange(s[0], s[-1], HIGHWAY_STEP)
+    table = pd.DataFrame({"height_m": antennas.smooth_onto(s, height, at, HIGHWAY_WIDTH)})
     source = {
-        "title": "Interstate 99 between Altoona and State College, both ways, one GNSS receiver",
-        **datasets.origin(*files.values()),
+        "title": "Interstate 99 from State College to Altoona, one GNSS receiver",
+        **datasets.origin(DRIVE),
         "step_m": HIGHWAY_STEP,
         "smoothing_width_m": HIGHWAY_WIDTH,
-        "drives": about,
+        "jumps_found": len(jumps),
     }
-    return source, tables
+    return source, {"to-altoona": rounded(table)}
 
 
 def surface():

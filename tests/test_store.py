@@ -162,7 +162,7 @@ def altered(**columns):
     """Give a change of columns of one table of a folder; None leaves one out."""
 
     def change(folder):
-        path = folder / "to-altoona.csv"
+        path = folder / "profile-cw.csv"
         pd.read_csv(path).assign(**columns).dropna(axis=1, how="all").to_csv(path, index=False)
 
     return change
@@ -173,7 +173,7 @@ def another_source(folder):
     path = folder / "source.json"
     source = json.loads(path.read_text(encoding="utf-8"))
     source["licence"] = "CC0"
-    source["drives"]["to-altoona"]["jumps_found"] += 1
+    source["length_m"]["cw"] += 1
     path.write_text(json.dumps(source), encoding="utf-8")
 
 
@@ -181,12 +181,12 @@ CHANGES = {
     "nothing": (lambda _: None, []),
     "a last digit": (altered(height_m=lambda t: t["height_m"] * (1 + 1e-6)), []),
     "a number": (altered(height_m=lambda t: t["height_m"] + (t.index == 7)),
-                 ["to-altoona.csv: column height_m differs"]),
-    "a column less": (altered(east_m=None), ["to-altoona.csv: column east_m differs"]),
+                 ["profile-cw.csv: column height_m differs"]),
+    "a column less": (altered(east_m=None), ["profile-cw.csv: column east_m differs"]),
     "a file more": (lambda f: (f / "more.csv").write_text("a\n1\n"), [": more.csv is new"]),
-    "a file less": (lambda f: (f / "to-altoona.csv").unlink(),
-                    [": to-altoona.csv is no longer made"]),
-    "the source": (another_source, ["source.json: drives/to-altoona/jumps_found differs",
+    "a file less": (lambda f: (f / "profile-cw.csv").unlink(),
+                    [": profile-cw.csv is no longer made"]),
+    "the source": (another_source, ["source.json: length_m/cw differs",
                                     "source.json: licence differs"])}  # fmt: skip
 
 
@@ -194,11 +194,11 @@ CHANGES = {
 def test_each_difference_is_named(tmp_path, kind):
     """property: one sentence with folder, file and place; rounding is no difference."""
     change, expected = CHANGES[kind]
-    old, new = (tmp_path / name / terrain_data.HIGHWAY for name in ("old", "new"))
+    old, new = (tmp_path / name / terrain_data.TRACK for name in ("old", "new"))
     for folder in (old, new):
-        shutil.copytree(store.FOLDER / terrain_data.HIGHWAY, folder)
+        shutil.copytree(store.FOLDER / terrain_data.TRACK, folder)
     change(new)
-    found = [of.removeprefix("psu-highway").removeprefix(", ") for of in store.compare(old, new)]
+    found = [of.removeprefix("psu-test-track").removeprefix(", ") for of in store.compare(old, new)]
     assert found == expected
 
 

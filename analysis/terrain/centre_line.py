@@ -42,17 +42,6 @@ class CentreLine:
         xy = np.column_stack([self.east_m, self.north_m])
         return CubicSpline(s, np.vstack([xy, xy[:1]]), bc_type="periodic")
 
-    def curvature(self):
-        """Give the curvature at each point, 1/m, right turns positive.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-        """
-        curve = self.curves()
-        (e1, n1), (e2, n2) = curve(self.s_m, 1).T, curve(self.s_m, 2).T
-        return (e2 * n1 - n2 * e1) / np.hypot(e1, n1) ** 3
-
     def project(self, east, north):
         """Give the distance along the line and the offset from it.
 

@@ -140,8 +140,6 @@ class Profile:
         Of the rear antennas above mean sea level.
     east_m, north_m : ndarray, shape (n,)
         From the gate.
-    curvature_1_m : ndarray, shape (n,)
-        Right turns positive.
     laps : ndarray of int, shape (n,)
         Number of laps in the mean at each point.
     length_m : float
@@ -157,7 +155,6 @@ class Profile:
     height_se_m: np.ndarray
     east_m: np.ndarray
     north_m: np.ndarray
-    curvature_1_m: np.ndarray
     laps: np.ndarray
     length_m: float
 
@@ -245,7 +242,7 @@ def combine(curves, line, between=None):
         else:
             variance = between[q]
         columns |= {q: mean, q.replace("_", "_se_"): np.sqrt(variance / n)}
-    return Profile(**vars(line), **columns, curvature_1_m=line.curvature(), laps=count)
+    return Profile(**vars(line), **columns, laps=count)
 
 
 def held_out(laps: Sequence[Any], line: CentreLine, width: float) -> dict[str, list[np.ndarray]]:
