@@ -581,7 +581,13 @@ def hat_study(folder=HAT_FOLDER, *, runs=400, **where):
     source = {"title": HAT_TITLE, "seed": SEED, "runs": runs, "made_by": made_by}
     drawn = list(enumerate(np.random.SeedSequence(SEED).spawn(runs)))
     units = [(cell, *one) for cell in HATS for one in drawn]
-    tabulate(folder, source, {"hats": Cell(_hat, units)}, digits=4, **where)
+    tabulate(folder, source, {"hats": Cell(_hat, units, _of_triples)}, digits=4, **where)
+
+
+def _of_triples(rows):
+    """Give of each cell the share of intervals that hold, by unit, and ``first``, run 0's first."""
+    held = {f"held_{k}": (f"held_{k}", "mean") for k in (1, 2, 3)}
+    return rows.groupby("cell", sort=False).agg(**held, first=("sigma_1", "first")).reset_index()
 
 
 def _hat(units):
