@@ -26,7 +26,6 @@ MAKERS = {
     "adis16405-quarters": repeatability.quarters,
     "tracker-parked": rides.parked,
     "tracker-starts": rides.starts,
-    "tracker-cold-phone": rides.cold_phone,
     "tracker-stops": rides.stops,
     "tracker-outages": rides.outages,
     "tracker-vehicles": rides.vehicles,

@@ -203,11 +203,6 @@ RIDES = {
         _genivi,
     ),
     "car-roof": Ride("car with an IMU on its roof at 100 Hz, and RTK", ROOF[0], _roof),
-    "phone-walk": Ride(
-        "phone that loses GNSS underway: accuracies up to 1100 m",
-        "phone-drives/2025-06-14_21-17-02.csv",
-        _phone,
-    ),
 }
 
 
@@ -237,8 +232,12 @@ def parked():
     log = read("phone-drive")
     columns, gnss, t = replay(log, Options()).columns, log.gnss, log.gnss.t_s
     stand = (t >= PARKED[0]) & (t < PARKED[1]) & gnss.has_fix
-    middle = gnss.lat_deg[stand].mean(), gnss.lon_deg[stand].mean()
-    table = {"t_s": t[stand] - PARKED[0]} | _metres(gnss, columns, stand, middle)
+    places = {"raw": (gnss.lat_deg, gnss.lon_deg)}
+    places["out"] = columns["out_lat_deg"], columns["out_lon_deg"]
+    middle, table = [of[stand].mean() for of in places["raw"]], {"t_s": t[stand] - PARKED[0]}
+    for name, (lat, lon) in places.items():
+        north, east, _ = pymap3d.geodetic2ned(lat[stand], lon[stand], 0.0, *middle, 0.0)
+        table |= {f"{name}_north_m": np.round(north, 2), f"{name}_east_m": np.round(east, 2)}
     table = pd.DataFrame(table).assign(layer=columns["layer"][stand])
     return _source("phone-drive", log), {"stand": store.rounded(table, DIGITS)}
 
@@ -357,25 +356,6 @@ def vehicles():
     return source, {"rides": store.rounded(pd.DataFrame(rides), 3), "pieces": counts}
 
 
-def cold_phone():
-    """Replay the phone that loses its fixes underway.
-
-    Returns
-    -------
-    dict
-    dict of pandas.DataFrame
-        ``fixes``: a fix a row, metres from the first output position.
-    """
-    log = read("phone-walk")
-    columns, gnss, fix = replay(log, Options()).columns, log.gnss, log.gnss.has_fix
-    first = np.flatnonzero(np.isfinite(columns["out_lat_deg"]))[0]
-    zero = columns["out_lat_deg"][first], columns["out_lon_deg"][first]
-    table = {"t_s": gnss.t_s[fix], "accuracy_m": gnss.pdop[fix] * METRES_PER_PDOP}
-    table = pd.DataFrame(table | _metres(gnss, columns, fix, zero))
-    table = table.assign(accepted=columns["accepted"][fix])
-    return _source("phone-walk", log), {"fixes": store.rounded(table, DIGITS)}
-
-
 def starts():
     """Judge the fixes of two drives whose receivers state PDOP and mode, by earlier and later ones.
 
@@ -443,15 +423,6 @@ def turned(name):
     reference = {f"reference_{end}deg": round(float(v), 3) for end, v in reference.items()}
     tables = {key: store.rounded(table, DIGITS) for key, table in tables.items()}
     return _source(name, log) | reference, tables
-
-
-def _metres(gnss, columns, rows, zero):
-    """Turn some fixes, and what is put out there, into metres north and east of a point."""
-    out, found = (columns["out_lat_deg"], columns["out_lon_deg"]), {}
-    for name, (lat, lon) in {"raw": (gnss.lat_deg, gnss.lon_deg), "out": out}.items():
-        north, east, _ = pymap3d.geodetic2ned(lat[rows], lon[rows], 0.0, *zero, 0.0)
-        found |= {f"{name}_north_m": np.round(north, 2), f"{name}_east_m": np.round(east, 2)}
-    return found
 
 
 def _several(title, names):
