@@ -16,7 +16,6 @@ from studies import real_laps, repeatability, rides, several_units, surveys, ter
 MAKERS = {
     terrain_data.TRACK: surveys.test_track,
     terrain_data.HIGHWAY: surveys.highway,
-    "published-curves": surveys.published_curves,
     "atlas": surveys.atlas,
     "error-surface": surveys.surface,
     "inverse-design": surveys.inverse_design,

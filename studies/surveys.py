@@ -1,15 +1,12 @@
 """Makes the roads and the sensors of data/derived, and what tracking on these roads gives."""
 
-import warnings
 from dataclasses import asdict, replace
 from operator import itemgetter
 
 import numpy as np
 import pandas as pd
-from scipy.stats import chi2
 
-from analysis import STANDARD_GRAVITY, datasheets, static_logs, store, terrain_data
-from analysis.noise.models import FLICKER
+from analysis import STANDARD_GRAVITY, datasheets, static_logs, terrain_data
 from analysis.resampling import counts
 from analysis.store import rounded, rounded_number
 from analysis.terrain import Sensor, Setup, antennas, centre_line, simulate_laps, terrain_map
@@ -33,10 +30,8 @@ FINE = 8  # digits of a distance along the track, and of the centre line
 SPACING = 0.5  # m between the rows that are used: at a stop the height drifts, the road does not
 HIGHWAY_STEP = 5.0  # m
 ATLAS = ["sensor", "name", "axis", "kind", "unit", "n", "n_low", "n_high", "b", "b_low", "b_high"]
-ATLAS += ["basis", "low_usd", "high_usd", "source"]
+ATLAS += ["basis", "source"]
 MEASURED = ("adis16405", "mpu6050-gyro", "mpu6050-accel")  # static logs of gyros, accelerometers
-CURVES = {"ln200": "LN-200", "imar": "iMAR", "navchip": "NavChip"}
-SLOPE = 0.1  # from -1/2, over two octaves: white noise is read there (chosen)
 DIRECTION = "ccw"  # its map is the mean of four drives (notebook 20)
 N_AND_B = ["arw_deg_sqrt_s", "sigma_b_deg_s"]
 SEED = seed(2013)  # of the laps, which are the same for every sensor; as notebook 23
@@ -339,55 +334,8 @@ def _variance(sensor, setup):
     return max(setup.own_R(sensor) + of_map, LEAST_R)
 
 
-def published_curves():
-    """Read N, and bounds of N and B, off Allan deviations of gyros that others published.
-
-    N is read at 1 s, as IEEE 952 does, where the slope is -1/2; its interval is that of the curve
-    from half to twice that time (chi squared, of the degrees of freedom that it states). As all
-    noise adds to the curve, its lowest point bounds B, and N too where the slope is another. No
-    curve states its unit: in rad/s these are plausible. That of a KVH 1750 is in no unit what its
-    data sheet leads to expect, and is left out.
-
-    Returns
-    -------
-    dict
-        Source.
-    dict of DataFrame
-        ``axes``: rows as those of `atlas`.
-
-    Raises
-    ------
-    sensorlogs.datasets.NotHere
-        If a raw file is not on this machine.
-    """
-    import rdata  # only here
-
-    files = {key: f"published-curves/{key}_av.rda" for key in CURVES}
-    rows = []
-    for key, file in files.items():
-        with warnings.catch_warnings(action="ignore"):  # of R classes: their lists are wanted
-            (found,) = rdata.read_rda(datasets.path(file)).values()
-        about = {"sensor": key, "name": f"{CURVES[key]} (published, unit inferred)"}
-        about |= {"kind": "rate", "unit": "deg/s", "basis": "published curve"}
-        about |= {"source": "SMAC-Group/avar, units inferred"}
-        sides = zip(found["axis"], found["type"], found["avar"].values(), strict=True)
-        for axis, curve in ((axis, curve) for axis, kind, curve in sides if kind == "Gyroscope"):
-            tau, freedom = curve["levels"], 1 / (2 * curve["errors"] ** 2)
-            white = np.degrees(curve["adev"] * np.sqrt(tau))
-            low, high = (white * np.sqrt(freedom / chi2.ppf(p, freedom)) for p in (0.975, 0.025))
-            at = int(np.argmin(np.abs(np.log(tau))))
-            row = about | {"axis": str(axis).lower(), "n_high": high.min()}
-            if abs(np.log2(white[at + 1] / white[at - 1])) / 2 < SLOPE:
-                near = slice(at - 1, at + 2)
-                row |= {"n": white[at], "n_low": low[near].min(), "n_high": high[near].max()}
-            rows.append(row | {"b_high": (high / np.sqrt(tau)).min() / FLICKER})
-    source = {"title": "Gyros by Allan deviations that others published"}
-    table = rounded(pd.DataFrame(rows, columns=ATLAS))
-    return source | datasets.origin(*files.values()), {"axes": table}
-
-
 def atlas():
-    """Lay out every sensor of the datasheets, the committed logs and the published curves.
+    """Lay out every sensor of the datasheets, of the committed logs and of what others measured.
 
     Returns
     -------
@@ -396,13 +344,12 @@ def atlas():
     dict of DataFrame
         ``atlas``: a row for each sensor and axis: ``sensor, name, axis, kind, unit`` (deg/s or g),
         ``n`` (unit sqrt(s)) and ``b`` (unit), each with ``_low`` and ``_high``, empty where it is
-        not known; ``basis`` (datasheet, measured or published curve), ``low_usd`` and
-        ``high_usd``, ``source``.
+        not known; ``basis`` (datasheet or measured), ``source``.
     """
     rows = []
     for key, entry in datasheets.sheets().iterrows():
         about = {"sensor": key, "name": entry["name"], "axis": "", "basis": "datasheet"}
-        about |= {f"{end}_usd": entry[end] for end in ("low", "high")} | {"source": entry["source"]}
+        about |= {"source": entry["source"]}
         gyro = {"kind": "rate", "unit": "deg/s", "n": entry["arw"], "b": entry["bias"]}
         n = entry["density_ug"] / 1e6, entry["vrw_m_s_sqrt_h"] / 60 / STANDARD_GRAVITY
         accel = {"kind": "accel", "unit": "g", "n": n[0] if n[0] == n[0] else n[1]}
@@ -415,7 +362,5 @@ def atlas():
         source = model["source"]
         about = {"sensor": log, "name": source["title"].split(",")[0], "basis": "measured"}
         rows += datasheets.of_log(model, **about, source=source["source"])
-    curves = store.read("published-curves").tables["axes"].to_dict("records")
-    table = rounded(pd.DataFrame([*rows, *curves], columns=ATLAS))
-    title = "Sensors by datasheet, by their logs and by published curves"
-    return {"title": title}, {"atlas": table}
+    table = rounded(pd.DataFrame(rows, columns=ATLAS))
+    return {"title": "Sensors by datasheet and by their logs"}, {"atlas": table}

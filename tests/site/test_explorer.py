@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from test_site import barriers
 
-from analysis import static_logs, store, terrain_data
+from analysis import datasheets, static_logs, store, terrain_data
 from analysis.noise import UnifiedModel, adev_model
 from analysis.noise.allan import cluster_sizes, degrees_of_freedom, overlapped_variance
 from analysis.noise.planner import Plan
@@ -208,7 +208,8 @@ def test_parts_that_qualify(gyro):
     measured_here = rows.query("basis == 'measured'").groupby("part")["error"].max()
     sheets = rows.query("basis == 'datasheet'").set_index("part")
     error = measured_here.combine_first(sheets["error"])  # what was measured decides
-    cheap = sheets[~(sheets["low_usd"] > 1000)]["name"].items()
+    dear = datasheets.sheets()["low"].reindex(sheets.index) > 1000
+    cheap = sheets[~dear]["name"].items()
     good = {name for part, name in cheap if float(f"{error[part]:.2g}") <= limit}
     shown = gyro.locator("#parts tbody tr").all()
     names = [row.locator("b").inner_text() for row in shown]
