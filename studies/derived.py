@@ -11,7 +11,7 @@ from pathlib import Path
 import sensorlogs as logs
 from analysis import static_logs, store, terrain_data
 from sensorlogs.catalogue import load_catalogue
-from studies import real_laps, repeatability, rides, several_units, surveys, terrain_verdicts
+from studies import real_laps, rides, several_units, surveys, terrain_verdicts
 
 MAKERS = {
     terrain_data.TRACK: surveys.test_track,
@@ -22,7 +22,6 @@ MAKERS = {
     "sweeps": surveys.sweeps,
     "real-laps": real_laps.runs,
     "terrain-verdicts": terrain_verdicts.verdicts,
-    "adis16405-quarters": repeatability.quarters,
     "tracker-parked": rides.parked,
     "tracker-starts": rides.starts,
     "tracker-stops": rides.stops,

@@ -19,7 +19,6 @@ import pandas as pd
 
 import sensorlogs as logs
 from analysis import CannotAnswer, Estimate, resampling, static_logs, store
-from analysis.noise import infer
 from analysis.noise.allan import allan_deviation, steady
 from analysis.noise.inference import INSTEAD
 from sensorlogs import datasets
@@ -198,29 +197,6 @@ def _at(curve, tau):
     k = np.argmin(np.abs(np.log(curve.tau / tau)))
     ends = (curve.low, curve.high), steady(curve)
     return [Estimate(curve.adev[k], low[k], high[k]) for low, high in ends]
-
-
-def quarters():
-    """Give the power of the slow noise in each quarter of the gyros of the ADIS16405 logs.
-
-    Returns
-    -------
-    source : dict
-    tables : dict of DataFrame
-        ``channels``: log, channel, model, quarters (power over the fitted model's, in each).
-    """
-    read_logs, rows = {name: read(name) for name in ADIS}, []
-    for i, (name, log) in enumerate(read_logs.items()):
-        for k, channel in enumerate(log.channels):
-            if channel.kind == "rate":
-                rng = np.random.default_rng([SEED, k, i])
-                result = infer(channel.values, log.dt, channel.unit, "rate", rng)
-                ratios = " ".join(f"{ratio:.2f}" for ratio, _ in result.stationarity.quarters)
-                about = {"log": name, "channel": channel.name, "model": result.chosen.model}
-                rows.append(about | {"quarters": ratios})
-    title = "Three logs of ADIS16405: slow noise of their gyros in quarters"
-    source = {"title": title, "seed": SEED} | sources(read_logs.values())
-    return source, {"channels": pd.DataFrame(rows)}
 
 
 def sources(logs_read):

@@ -7,8 +7,8 @@ from refused import where_here
 from analysis import store
 from studies import derived, rides, surveys
 
-# Nine gyros, of which test_repeatability takes one; hundreds of sensors, of which some below.
-SLOW = {"adis16405-quarters", "real-laps", "error-surface", "sweeps", "inverse-design"}
+# Hundreds of sensors, of which some below.
+SLOW = {"real-laps", "error-surface", "sweeps", "inverse-design"}
 SLOW |= {"terrain-verdicts", "tracker-outages"}
 
 

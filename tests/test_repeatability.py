@@ -8,7 +8,6 @@ import pytest
 from refused import where_here
 
 from analysis import store
-from analysis.noise import infer
 from studies import repeatability
 
 
@@ -82,16 +81,3 @@ def test_allan_curves_of_one_log_again(monkeypatch):
     now = where_here(repeatability.wandering)
     for column in ("tau_s", "pairs", "within", "steady"):
         np.testing.assert_allclose(now[column], stored[column], rtol=store.TOLERANCE)
-
-
-def test_quarters_of_a_gyro_again():
-    """cross-check: one of the nine gyros, fitted now, gives its model and quarters."""
-    stored = store.read("adis16405-quarters").tables["channels"].set_index(["log", "channel"])
-    name, k = "adis16405-3", 1
-    log = where_here(repeatability.read, name)
-    channel, rng = log.channels[k], np.random.default_rng([repeatability.SEED, k, 2])
-    now = infer(channel.values, log.dt, channel.unit, channel.kind, rng)
-    was = stored.loc[(name, channel.name)]
-    assert was["model"] == now.chosen.model
-    quarters = [ratio for ratio, _ in now.stationarity.quarters]
-    assert was["quarters"] == " ".join(map("{:.2f}".format, quarters))
