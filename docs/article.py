@@ -32,7 +32,7 @@ SPELLED = {
 }  # fmt: skip
 # What the abstract and the conclusions repeat of a finding: its notebook, and the words about it.
 FOUND = {
-    "11": r"show (?P<times>.+ times) the white noise",
+    "11": r"show (?P<times>.+ times) the white noise of their sheet",
     "13": r"σ_v to (?P<sigma>±.+) or .* T_c to (?P<near>±.+) takes (?P<lengths>.+) correlation",
     "21": r"; (?P<times>\d+ R₀) errs (?P<large>.+ m), odometry alone (?P<odometry>.+ m), "
     r"four states (?P<rms>.+ m)\.",
