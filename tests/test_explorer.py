@@ -72,7 +72,7 @@ def test_numbers_in_sentences_are_those_of_notebooks(pages):
     assert f"takes {least} to {most} correlation times for the {sensors} " in pages["allan.html"]
     over = [p["over_sheet"] for p in held(pages["explorer.html"])["parts"] if p["over_sheet"]]
     said = findings["11-unified-table"]
-    assert f"show {min(over):.2f} (" in said and f"to {max(over):.2f} (" in said
+    assert f"gyros {min(over):.2f} to " in said and f" to {max(over):.2f} times " in said
 
 
 def test_the_study_beside_the_planner(pages):
