@@ -178,7 +178,7 @@ def counted() -> text.Shown:
         f" there, or the car's where that is open; by the car's {agree - taken + car} hold in all."
     )
     return text.Shown(
-        f"The papers make {claimed} claims; {n.sum()} are independent (each computation once,"
+        f"The papers make {claimed} claims; {n.sum()} are distinct (each computation once,"
         f" history left out). {agree} of these are reproduced, {n[REPRODUCED]} of them without a"
         " condition (such as that the sensor is its printed model; several choices that a paper"
         f" leaves open may reverse them together); {differ} are not,"

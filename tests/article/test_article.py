@@ -80,12 +80,10 @@ def test_counts_are_those_of_the_ledger(article):
     for paper in [*counts.index, "all"]:
         n = counts.sum() if paper == "all" else counts.loc[paper]
         agree, differ = (n[k] + n[f"{k} if"] for k in ("reproduced", "not reproduced"))
-        said = [
-            f"Of the {n.sum()} independent claims of this paper {agree} are reproduced, {differ}"
-        ]
+        said = [f"Of the {n.sum()} distinct claims of this paper {agree} are reproduced, {differ}"]
         if paper == "all":
             said = [
-                f"Of {n.sum()} independent claims {agree} are reproduced, {n['reproduced']} of",
+                f"Of {n.sum()} distinct claims {agree} are reproduced, {n['reproduced']} of",
                 f"and {differ} are not. For {n['undecidable']}, the data at",
                 f"For {n['not testable']} there are no data, and {n['by construction']}",
             ]
