@@ -38,7 +38,7 @@ FOUND = {
     r"four states (?P<rms>.+ m)\.",
     "23": r"(?P<gyros>\d+) gyros reach (?P<error>.+ m) if the filter",
     "34": r"constraint errs by (?P<constrained>.+ m), in 5% over (?P<worst>.+ m), "
-    r"constant velocity by (?P<constant>.+ m)\.",
+    r"the next best (?P<next>.+ m)\.",
 }
 
 

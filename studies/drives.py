@@ -129,9 +129,9 @@ def bridged(
     -------
     pandas.DataFrame
         A row an outage and length: ``t_s`` at its start, ``seconds``; at its end the errors (m):
-        ``hold the position``, ``constant velocity``, ``block 6 (fusion)`` and ``constrained
-        filter``; of these two with `` nees`` the squared error over the variances of filter and
-        fix.
+        ``hold the position``, ``constant velocity``, ``last speed, gyro`` (turned by block 2's
+        yaw), ``block 6 (fusion)`` and ``constrained filter``; of these two with `` nees`` the
+        squared error over the variances of filter and fix.
     """
     found: dict[tuple[float, float], dict[str, float]] = {}
     for name, kind in (("block 6 (fusion)", "block6"), ("constrained filter", "car")):
@@ -146,32 +146,31 @@ def bridged(
             fast = row["accepted"] and epoch.speed > FASTEST_STOP
             if known and fast and epoch.t_s - last >= every_s:
                 last = epoch.t_s
-                steps.append((copy.deepcopy(device), epoch))
-    table = pd.DataFrame(
-        [{"t_s": t, "seconds": seconds} | errors for (t, seconds), errors in found.items()]
-    )
-    return table.dropna(ignore_index=True)
+                steps.append((copy.deepcopy(device), epoch, device.attitude.angles[2], np.zeros(3)))
+    rows = [{"t_s": t, "seconds": length} | errors for (t, length), errors in found.items()]
+    return pd.DataFrame(rows).dropna(ignore_index=True)
 
 
 def _without_fixes(since, epoch, given, lengths, name, found):
     """Carry a device through an epoch without its fix; note its error where an outage ends."""
-    device, start = since
+    device, start, yaw, gone = since  # gone: s, m north and m east
     for sample in given:
         device.imu(*sample)
+    course, dt = start.course + device.attitude.angles[2] - yaw, epoch.t_s - start.t_s - gone[0]
+    gone += dt * np.array([1.0, start.speed * np.cos(course), start.speed * np.sin(course)])
     blank = epoch._replace(fix=None, pdop=np.nan, speed=np.nan, course=np.nan)
     nn, ne, ee = device.gnss(blank)["ellipse"]
     if epoch.fix is None or epoch.pdop > device.options.pdop_gate:
         return
     for seconds in (s for s in lengths if abs(epoch.t_s - start.t_s - s) < 0.5):
-        true = np.array(device.frame.ned(epoch.fix)[:2])
-        from_there = np.array(device.frame.ned(start.fix)[:2])
-        ahead = start.speed * np.array([np.cos(start.course), np.sin(start.course)])
+        true, there = (np.array(device.frame.ned(at.fix)[:2]) for at in (epoch, start))
+        ahead = gone[0] * start.speed * np.array([np.cos(start.course), np.sin(start.course)])
+        ways = {"hold the position": 0, "constant velocity": ahead, "last speed, gyro": gone[1:]}
         off = np.array(device.ned[:2]) - true
         sigma = 0.0 if np.isnan(epoch.pdop) else device.options.metres_per_pdop * epoch.pdop
         S = np.array([[nn + sigma**2, ne], [ne, ee + sigma**2]])
-        row = found.setdefault((start.t_s, seconds), {})
-        row["hold the position"] = np.hypot(*(from_there - true))
-        row["constant velocity"] = np.hypot(*(from_there + ahead * (epoch.t_s - start.t_s) - true))
+        far = {way: np.hypot(*(there + moved - true)) for way, moved in ways.items()}
+        row = found.setdefault((start.t_s, seconds), far)
         row[name] = np.hypot(*off)
         row[f"{name} nees"] = off @ np.linalg.solve(S, off)
 

@@ -266,7 +266,7 @@ def scenario(
         B: ``laps``; ``mount_deg``; ``slope``, ``slope_m``: standard deviation of the ground's slope
         along and across, each a Gauss-Markov process over the distance, and the metres over which
         it is correlated. The paper's field is flat.
-        C: ``wait`` until the walk begins, ``first_fix``, both s.
+        C: ``wait`` until the walk begins, s.
         D: ``stops``; ``mount_deg``.
 
     Returns
@@ -311,12 +311,12 @@ def _path_of_laps(laps, imu_rate):
     return _ride(lap, 1.25 * mean, 0.9 * mean, imu_rate, wait=20.0, **begun)
 
 
-def _walk(rng, *, imu_rate=4.0, wait=120.0, first_fix=40.0):
+def _walk(rng, *, imu_rate=4.0, wait=120.0):
     turn = (3.0 * np.pi / 2, np.pi / 2)
     lap = [(114.0, 0.0), turn, (64.0, 0.0), turn, (114.0, 0.0), turn, (64.0, 0.0), turn]
     path = _ride(lap, 1.3, 1.1, imu_rate, wait=wait, course=np.radians(70.0))
     t = np.arange(0, len(path[0]), round(imu_rate)) / imu_rate
-    pdop = np.where(t < first_fix, 99.99, ASSUMED["C"][2] + 47.5 * np.exp(-(t - first_fix) / 15.0))
+    pdop = np.where(t < 40.0, 99.99, ASSUMED["C"][2] + 47.5 * np.exp(-(t - 40.0) / 15.0))
     return path, imu_rate, pdop, {"tilt": (-50.0, 20.0), "mount_deg": 140.0, "swing_deg": 6.0}
 
 

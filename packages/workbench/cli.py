@@ -163,7 +163,7 @@ def reproduce(notebooks=None, scratch=None, parameters=None):
     \b
     python -m analysis reproduce          all notebooks in order, the index last
     python -m analysis reproduce 10 11    two of them, by number
-    python -m analysis reproduce --scratch try 22 -p RUNS=100 -p SEED=7     what if?
+    python -m analysis reproduce --scratch try 32 -p RUNS=400 -p SEED=7     what if?
     python -m analysis reproduce --scratch try 90 -p LOG=my.csv
 
     Rewrites figures/ (PDF, PNG, CSV and claims.csv) and the outputs in the notebooks; with
