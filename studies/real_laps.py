@@ -33,11 +33,10 @@ def runs():
     dict
         Source.
     dict of DataFrame
-        ``filters``: filter, gyro; rms_m (median of the laps), reach_m (not exceeded in 95 % of all
-        moments), better (laps on which it is better than odometry), lost (share of the runs),
-        lost_low, lost_high (95 %). ``laps``: filter,
-        gyro, lap, rms_m, lost, nees. ``stability``: times (sqrt(R) over the scatter of the map),
-        gyro, and the share of runs lost by filters without and with bias states; more_low,
+        ``filters``: filter, gyro; rms_m (median of the laps), better (laps on which it is better
+        than odometry), lost (share of the runs), lost_low, lost_high (95 %). ``laps``: filter,
+        gyro, lap, rms_m, nees. ``stability``: times (sqrt(R) over the scatter of the map), gyro,
+        and the share of runs lost by filters without and with bias states; more_low,
         more_high, the interval of the difference. ``alarms``: disturbance, laps (watched), alarms
         and found (share of the laps with one), alarms_low, alarms_high (95 %), worst_m (largest
         error at the end where a place was taken). ``causes``: whether map error and wheels are a
@@ -61,15 +60,12 @@ def runs():
         about = {"filter": kind, "gyro": gyro}
         lost = np.array([of.lost(LOST_M)[k] for of in of_laps.values()], dtype=float)
         rms = {n: of.rms()[k] for n, of in of_laps.items()}
-        moments = np.concatenate([np.abs(of.errors(k)).ravel() for of in of_laps.values()])
-        rows += [
-            about | {"lap": n, "rms_m": rms[n], "lost": share, "nees": of.nees()[k]}
-            for (n, of), share in zip(of_laps.items(), lost.mean(axis=1), strict=True)
-        ]
+        nees = {n: of.nees()[k] for n, of in of_laps.items()}
+        rows += [about | {"lap": n, "rms_m": rms[n], "nees": nees[n]} for n in of_laps]
         low, high = _of_share(lost, rng)
         better = sum(rms[n] < alone[n] for n in rms)
-        row = {"rms_m": np.median([*rms.values()]), "reach_m": np.quantile(moments, 0.95)}
-        row |= {"better": better, "lost": lost.mean(), "lost_low": low, "lost_high": high}
+        row = {"rms_m": np.median([*rms.values()]), "better": better}
+        row |= {"lost": lost.mean(), "lost_low": low, "lost_high": high}
         filters.append(about | row)
     rows += [{"filter": "odometry alone", "lap": n, "rms_m": alone[n]} for n in alone]
     tables = {"filters": pd.DataFrame(filters), "laps": pd.DataFrame(rows)}

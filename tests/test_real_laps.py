@@ -208,7 +208,7 @@ def test_the_study_of_real_laps_again(monkeypatch):
     stored = was["filters"]
     as_many = binom.sf(np.rint(12 * now["filters"]["lost"]) - 1, 12, stored["lost_high"])
     assert (as_many > 0.001).all()
-    np.testing.assert_allclose(now["filters"]["reach_m"][6:], stored["reach_m"][6:], rtol=0.1)
+    np.testing.assert_allclose(now["filters"]["rms_m"][6:], stored["rms_m"][6:], rtol=0.1)
     assert (now["causes"]["reach_m"].between(was["causes"]["reach_low"] * 0.8, 0.8)).all()
     of_wheels = was["causes"].set_index(["map_error", "wheels"]).loc["own"]
     assert of_wheels["reach_high"]["assumed"] < of_wheels["reach_low"]["own"]  # real wheels
