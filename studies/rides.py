@@ -239,7 +239,8 @@ def parked():
         north, east, _ = pymap3d.geodetic2ned(lat[stand], lon[stand], 0.0, *middle, 0.0)
         table |= {f"{name}_north_m": np.round(north, 2), f"{name}_east_m": np.round(east, 2)}
     table = pd.DataFrame(table).assign(layer=columns["layer"][stand])
-    return _source("phone-drive", log), {"stand": store.rounded(table, DIGITS)}
+    source = _source(RIDES["phone-drive"].title, "phone-drive") | {"notes": [*log.notes]}
+    return source, {"stand": store.rounded(table, DIGITS)}
 
 
 def stops():
@@ -282,7 +283,7 @@ def stops():
             found["each"].append(pd.DataFrame(middle).assign(ride=name))
             found["bias"].append(_bias_change(log, spells).assign(ride=name))
     tables = {k: store.rounded(pd.concat(v, ignore_index=True), 4) for k, v in found.items()}
-    return _several("Rest of three cars, by the tests of block 3", STANDING), tables
+    return _source("Rest of three cars, by the tests of block 3", *STANDING), tables
 
 
 def _bias_change(log, spells):
@@ -310,7 +311,7 @@ def outages():
     rides = {name: read(name) for name in WHEELS}
     ends = [drives.bridged(of).assign(ride=name) for name, of in rides.items()]
     tables = {"ends": pd.concat(ends, ignore_index=True), "smoothed": _looked_back(rides)}
-    source = _several("Outages of 10, 30 and 60 s on the rides of four cars", WHEELS)
+    source = _source("Outages of 10, 30 and 60 s on the rides of four cars", *WHEELS)
     return source, {name: store.rounded(table, 6) for name, table in tables.items()}
 
 
@@ -352,7 +353,7 @@ def vehicles():
                 moves = vehicle(log.gnss.without(others, "speed_m_s"), log.imu)
                 pieces.append({"ride": name, "seconds": seconds, "kind": moves.kind})
     counts = pd.DataFrame(pieces).value_counts(sort=False).reset_index(name="pieces")
-    source = _several("How four cars and a motorbike move", names)
+    source = _source("How four cars and a motorbike move", *names)
     return source, {"rides": store.rounded(pd.DataFrame(rides), 3), "pieces": counts}
 
 
@@ -422,17 +423,9 @@ def turned(name):
     reference = {"": whole.value, "low_": whole.low, "high_": whole.high}
     reference = {f"reference_{end}deg": round(float(v), 3) for end, v in reference.items()}
     tables = {key: store.rounded(table, DIGITS) for key, table in tables.items()}
-    return _source(name, log) | reference, tables
+    return _source(RIDES[name].title, name) | {"notes": [*log.notes]} | reference, tables
 
 
-def _several(title, names):
-    """State what a table of several rides is, and where they are from."""
+def _source(title, *names):
+    """State what a table of rides is, and where they are from."""
     return {"title": title} | datasets.origin(*(RIDES[name].file for name in names))
-
-
-def _source(name, log):
-    """State where a ride is from and what was done to it."""
-    from_file = datasets.origin(RIDES[name].file)
-    ((file, sha256),) = from_file.pop("files").items()
-    about = {"title": RIDES[name].title, "file": file.split("/")[1], "sha256": sha256}
-    return about | from_file | {"notes": list(log.notes)}
