@@ -253,7 +253,7 @@ def verdicts() -> pd.DataFrame:
     return table
 
 
-def judge(value, low, high, agree_low, agree_high, unit="1"):
+def judge(value, low, high, agree_low, agree_high, unit="1", *, exact=True):
     """Compare a value and its 95 % interval with the range that counts as agreement.
 
     Parameters
@@ -264,12 +264,14 @@ def judge(value, low, high, agree_low, agree_high, unit="1"):
         NaN where the claim is unbounded on that side.
     unit : str
         In which an open interval is told.
+    exact : bool
+        Whether a value without interval is known exactly, not unbounded on both sides.
 
     Returns
     -------
     str
     """
-    if value is not None and low is None and high is None:  # known exactly
+    if exact and value is not None and low is None and high is None:
         low = high = value
     bottom, top = (-math.inf if low is None else low), (math.inf if high is None else high)
     if top < agree_low or bottom > agree_high:  # false of a bound that is NaN, as everywhere here
@@ -551,7 +553,7 @@ def _verdict(row, found):
         return judge_logs(logs, row["low"], row["high"])
     ends = (found.value, found.low, found.high) if isinstance(found, Estimate) else found
     ends = [None if x is None or x != x else float(x) for x in ends]
-    return judge(*ends, row["low"], row["high"], row["unit"]), ends
+    return judge(*ends, *row[["low", "high", "unit"]], exact=type(found) is not Estimate), ends
 
 
 def _rounded(unit, *ends):

@@ -349,7 +349,7 @@ def curves(axes: Sequence[Axes], measured: pd.DataFrame, swept: str, y_label: st
     for value, color in zip(fixed, plt.cm.viridis(np.linspace(0, 0.9, len(fixed))), strict=True):
         style = {"color": color, "lw": 0.8, "label": name.format(value)}
         axes[0].plot(x, measured[value].iloc[0], **style)
-    middle, low, high = quantiles(measured.T.groupby(level=1).mean().T)
+    middle, low, high = quantiles(measured.T.groupby(level=1).mean().T.to_numpy())
     band = {"color": "k", "alpha": 0.15, "lw": 0, "label": "95 % interval of the average"}
     for ax in axes:
         ax.plot(x, middle, color="k", lw=2, label="average of the curves")
@@ -493,7 +493,7 @@ def against_price(
     """
     low, high, middle = (sensors[k].to_numpy(float) for k in ("low", "high", "middle"))
     for ax, measured, what in ((axes[0], mean, "mean"), (axes[1], variance, "variance")):
-        value, below, above = quantiles(measured)
+        value, below, above = quantiles(measured.to_numpy())
         ax.hlines(value, low, high, color="C0", lw=3, alpha=0.35, label="price range")
         ax.vlines(middle, below, above, color="C0", lw=1, label=f"_{what}, 95 % interval")
         ax.plot(middle, value, "o", color="C0", label=f"simulated {what}, 95 % interval")

@@ -25,14 +25,24 @@ def drawn(n: int, draws: int, rng: np.random.Generator, block: int = 1) -> np.nd
     return rng.integers(0, n, (draws, -(-n // block)))
 
 
-def counts(n: int, draws: int, rng: np.random.Generator) -> np.ndarray:
+def counts(n: int, draws: int, rng: np.random.Generator, *, few: bool = False) -> np.ndarray:
     """Count how often each of n stands in the sample itself, which is the first row, and in draws.
+
+    Parameters
+    ----------
+    n, draws : int
+    rng : numpy.random.Generator
+    few : bool
+        Draw half as many, each of which counts twice. Of six that makes an interval about as wide
+        as Student's t: it holds a mean in 93 %, not in 86 %, a share in 91 %, not in 84 %, and a
+        quantile that one of them decides in 77 to 90 %, not in 70 to 84 %.
 
     Returns
     -------
-    ndarray of int, shape (1 + draws, n)
+    ndarray, shape (1 + draws, n)
     """
-    return np.vstack([np.ones(n, dtype=int), rng.multinomial(n, np.full(n, 1 / n), draws)])
+    size = -(-n // 2) if few else n
+    return np.vstack([np.ones(n), rng.multinomial(size, np.full(n, 1 / n), draws) * (n / size)])
 
 
 def interval(found: np.ndarray) -> np.ndarray:
@@ -45,14 +55,13 @@ def quantiles(resampled):
 
     Parameters
     ----------
-    resampled : array_like, shape (resamples, ...)
+    resampled : ndarray, shape (resamples, ...)
         The first row is the sample's own.
 
     Returns
     -------
     value, low, high : ndarray, shape (...)
     """
-    resampled = np.asarray(resampled)
     return resampled[0], *interval(resampled[1:])
 
 
@@ -80,15 +89,13 @@ def spread(
         the mean in 84 to 90 % and ``sd`` in 76 to 86 %; of 40 blocks in 92 and 87 %.
     """
     values = _statistics(_moments(x, len(x))[:, 0])
-    few, note = len(x) < FEWEST_BLOCKS * block, ""
-    if few:
-        note = f"{len(x) / block:.1f} blocks: too few for an interval"
+    note = _too_few(len(x), block)
     found = {}
     for (name, own), value, of, middle in zip(
         {"mean": unit, "sd": unit, "excess_kurtosis": ""}.items(),
         values, _statistics(_draws(x, block, rng)), (np.mean(x), 0, 0), strict=True,
     ):  # fmt: skip
-        low, high = (None, None) if few else (middle + interval(of)).tolist()
+        low, high = (None, None) if note else (middle + interval(of)).tolist()
         found[name] = Estimate(float(middle + value), low, high, own, note=note)
     return found
 
@@ -98,6 +105,8 @@ def ratio_of_spreads(
 ) -> Estimate:
     """Give the standard deviation of one series over that of another, with its 95 % interval.
 
+    None of fewer than 10 blocks. Of simulated pairs of 10 to 40 blocks it holds the ratio in 91 %.
+
     Parameters
     ----------
     x, y : ndarray, shape (n,) and (m,), of one unit
@@ -106,8 +115,14 @@ def ratio_of_spreads(
         Samples in a block.
     rng : numpy.random.Generator
     """
-    low, high = interval(np.divide(*(_statistics(_draws(v, block, rng))[1] for v in (x, y))))
-    return Estimate(float(np.std(x) / np.std(y)), float(low), float(high))
+    note = _too_few(min(len(x), len(y)), block)
+    ends = interval(np.divide(*(_statistics(_draws(v, block, rng))[1] for v in (x, y)))).tolist()
+    return Estimate(float(np.std(x) / np.std(y)), *((None, None) if note else ends), note=note)
+
+
+def _too_few(n, block):
+    """Say that a series of n samples holds too few blocks for an interval, if it does."""
+    return f"{n / block:.1f} blocks: too few for an interval" * (n < FEWEST_BLOCKS * block)
 
 
 def _draws(x, block, rng):

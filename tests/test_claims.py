@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from refused import refused
 
-from analysis import FIGURES, WrongUsage, claims
+from analysis import FIGURES, Estimate, WrongUsage, claims
 from analysis.claims import NOT_REPRODUCED, NOT_TESTABLE, NOT_YET, REPRODUCED, UNDECIDABLE, judge
 
 OPEN = math.nan  # a side on which the claim is unbounded
@@ -85,6 +85,9 @@ def test_a_missing_value_or_bound_is_none(elsewhere):
         assert pd.read_csv(elsewhere).loc[0, ["value", "low", "high"]].isna().all()
     assert ledger.check(FIRST, far, math.nan, math.nan) == NOT_REPRODUCED
     assert ledger.check(FIRST, far, -math.inf, far).startswith(UNDECIDABLE)
+    inside = PUBLISHED["value"]  # known exactly, or to no bound
+    assert ledger.check(FIRST, inside) == REPRODUCED
+    assert ledger.check(FIRST, Estimate(inside, None, None)).startswith(UNDECIDABLE)
 
 
 def test_conditions_stand_on_successes_and_failures():

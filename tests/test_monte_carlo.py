@@ -124,6 +124,11 @@ def test_resampled_reach():
     drawn = found.reaches(200, np.random.default_rng(4))["a"]
     assert drawn[0] == pytest.approx(found.reach()["a"], rel=0.01)  # without interpolation
     assert drawn.max() > 2 * drawn.min()
+    few = of_errors(("a",), np.exp(np.arange(4.0))[None, :, None] * (1 + error[:, :4] ** 2))
+    weights = few._weights(100, np.random.default_rng(4))
+    for row, value in zip(weights, few.reaches(100, np.random.default_rng(4))["a"], strict=True):
+        again = np.repeat(few.error[0], (4 * row).round().astype(int), axis=0)
+        assert value == np.quantile(again, 0.95, method="inverted_cdf")
     same = of_errors(("a",), np.repeat(error[:, :1], 9, axis=1))
     assert np.ptp(same.reaches(20, np.random.default_rng(4))["a"]) == 0
     alone = of_errors(("a",), error[:, :1])
@@ -177,8 +182,8 @@ def test_what_a_precision_allows():
     assert of.allowed("N", 9.0).value == np.inf and of.allowed("N", 0.02).value == 0
     assert of.allowed("B", 0.6).value == np.inf
     for sensor in (Sensor(1.1, 0.1), Sensor(0.1, 1.1)):  # worse than the grid; better: its best
-        assert of.of(sensor)[0] == np.inf and np.isnan(of.of(sensor)[1])
-    assert of.of(Sensor(0.0, 0.0))[0] == pytest.approx(of.error[0, 0])
+        refused(CannotAnswer, "beyond", of.estimate, sensor)
+    assert of.estimate(Sensor(0.0, 0.0)).value == pytest.approx(of.error[0, 0])
     fine = plane(lambda n, b: 3 * n**1.5 * b**0.2).finer(4)  # a plane in logarithms
     np.testing.assert_allclose(fine.arw, np.geomspace(0.01, 1, 25))
     np.testing.assert_allclose(fine.sigma_b, np.geomspace(0.001, 1, 33))
@@ -191,17 +196,18 @@ def test_one_function_tells_the_tracking_error():
     """property: the grid's own numbers, rising with B; a log's interval holds its value."""
     plane, at = terrain_data.error_plane("R tuned"), (4, 3)
     sensor = Sensor(plane.arw[3], plane.sigma_b[4])
-    assert plane.of(sensor) == pytest.approx((plane.error[at], plane.lost[at]))
-    errors = [plane.of(Sensor(0.005, b))[0] for b in np.geomspace(1e-6, 0.1, 30)]
+    errors = [plane.estimate(Sensor(0.005, b)).value for b in np.geomspace(1e-6, 0.1, 30)]
     assert errors[0] == errors[1] and max(errors) == errors[-1]
     found, ends = plane.estimate(sensor), (plane.error[at], plane.low[at], plane.high[at])
     assert (found.value, found.low, found.high) == pytest.approx(ends)
-    refused(CannotAnswer, "beyond", plane.estimate, Sensor(1.0, 0.001))
     model = static_logs.stored.read_model("adis16405")
     found = plane.of_log(model, "gyro_y")
     assert found.low < found.value < found.high
-    model["channels"][1]["parameters"]["arw"]["high"] = 10.0
-    assert plane.of_log(model, "gyro_y").high is None
+    for name, end in (("bias_instability", None), ("arw", 10.0)):  # open upwards; beyond the plane
+        model["channels"][1]["parameters"][name]["high"] = end
+        found = plane.of_log(model, "gyro_y")
+        assert found.high is None and found.low < found.value
+        model = static_logs.stored.read_model("adis16405")
     bounded = plane.of_log(static_logs.stored.read_model("mpu6050-gyro"), "gyro_y")
     assert bounded.value is None and bounded.high > 0
 
@@ -222,7 +228,8 @@ def test_measures_are_numpys(places):
     error[:, :9] -= 9.0
     laps = replace(of_errors((0, 1, 2), error), places=places)
     found, again = laps.measures(3, np.random.default_rng(1)), np.random.default_rng(1)
-    times = [resampling.counts(n, 3, again) for n in (places, 50 // places)]
+    numbers = {places: True, 50 // places: False}
+    times = [resampling.counts(n, 3, again, few=few) for n, few in numbers.items()]
     for row, (of_places, of_draws) in enumerate(zip(*times, strict=True)):
         e = np.repeat(error, np.outer(of_places, of_draws).ravel().astype(int), axis=1)
         for name, expected in {

@@ -29,7 +29,10 @@ def test_spread_is_that_of_the_blocks_that_were_drawn(monkeypatch):
     expected = [x.std() / y.std(), *np.quantile(shares, [0.025, 0.975])]
     np.testing.assert_allclose([ratio.value, ratio.low, ratio.high], expected, rtol=1e-9)
     assert spread(x[:49], 5, rng)["mean"].note.startswith("9.8 blocks")
-    assert spread(x[:3], 5, rng)["sd"].note.startswith("0.6 blocks")
+    short = ratio_of_spreads(x, y[:3], 5, rng)  # all draws of a circle shorter than a block are it
+    assert short.value > 0 and short.low is short.high is None
+    for few in (spread(x[:3], 5, rng)["sd"], short):
+        assert few.note.startswith("0.6 blocks")
     far = spread(x + 1e4, 5, np.random.default_rng(2))
     for name, moved in (("mean", 1e4), ("sd", 0.0), ("excess_kurtosis", 0.0)):
         assert far[name].value - moved == pytest.approx(found[name].value, rel=1e-6)

@@ -170,10 +170,9 @@ class Laps:
         pandas.DataFrame
             The sample itself in the first row, a resample in each further row, m.
         """
-        _, runs, times = self.error.shape
-        weights, found = self._weights(draws, rng), []
+        weights, times, found = self._weights(draws, rng), self.error.shape[-1], []
         for error in np.abs(self.error):
-            largest = np.argsort(error, axis=None)[: -(runs * times // 4) : -1]
+            largest = np.argsort(error, axis=None)[::-1]
             above = np.cumsum(weights[:, largest // times], axis=1) / times
             found.append(error.ravel()[largest][(above > 0.05).argmax(axis=1)])
         return self._by_sensor(np.transpose(found))
@@ -183,7 +182,8 @@ class Laps:
         count = self.error.shape[1]
         if count < 2:
             raise CannotAnswer("one lap has no interval, for it has no other to differ from")
-        by = [resampling.counts(n, draws, rng) for n in (self.places, count // self.places)]
+        places = resampling.counts(self.places, draws, rng, few=True)
+        by = places, resampling.counts(count // self.places, draws, rng)
         return np.einsum("bp,bd->bpd", *by).reshape(1 + draws, count) / count
 
     def _by_sensor(self, values):
@@ -453,7 +453,7 @@ def interval(resampled: ArrayLike, *, skewed: bool = False) -> Estimate:
     Estimate
         An end is None where the number is infinite there.
     """
-    value, low, high = resampling.quantiles(resampled)
+    value, low, high = resampling.quantiles(np.asarray(resampled))
     if skewed and low > 0:
         low, high = min(low, value**2 / high), max(high, value**2 / low)
     value, low, high = (float(v) if np.isfinite(v) else None for v in (value, low, high))
@@ -544,19 +544,11 @@ class ErrorPlane:
         of = (e[0] if coefficient == "N" else e[:, 0] for e in (self.error, self.high, self.low))
         return Estimate(*(_largest(x, reach, wanted) for reach in of))
 
-    def of(self, sensor: Sensor) -> tuple[float, float]:
-        """Error (m) and share of laps lost of a gyro; infinite and NaN beyond the grid.
-
-        A better gyro than the grid's best has at most the error at the edge, which is given: there
-        the odometry decides.
-        """
-        error, lost = self._at(sensor, np.log(self.error), self.lost) or (np.inf, np.nan)
-        return float(np.exp(error)), lost
-
     def estimate(self, sensor: Sensor) -> Estimate:
         """Error of a gyro with the interval that the number of simulated laps leaves, m.
 
-        Below the grid that of the edge, as `of`.
+        A better gyro than the grid's best has at most the error at the edge, which is given: there
+        the odometry decides.
 
         Raises
         ------
@@ -569,18 +561,13 @@ class ErrorPlane:
         return Estimate(value, low, high, "m")
 
     def _reach(self, sensor, table):
-        """Read a table of errors; None beyond the grid."""
-        found = self._at(sensor, np.log(table))
-        return None if found is None else float(np.exp(found[0]))
-
-    def _at(self, sensor, *tables):
-        """Interpolate tables over ln B and ln N; None beyond the grid."""
+        """Interpolate a table of errors over ln B and ln N; None beyond the grid."""
         grid = self.sigma_b, self.arw
         at = [max(v, g[0]) for v, g in zip((sensor.sigma_b, sensor.arw), grid, strict=True)]
         if any(v > g[-1] for v, g in zip(at, grid, strict=True)):
             return None
-        axes = tuple(map(np.log, grid))
-        return [float(interpn(axes, of, np.log(at), method="pchip")[0]) for of in tables]
+        found = interpn(tuple(map(np.log, grid)), np.log(table), np.log(at), method="pchip")
+        return float(np.exp(found[0]))
 
     def of_log(self, model: dict, channel: str) -> Estimate:
         """Error of a measured gyro, m, over the 95 % intervals of its N and B and of the plane.
@@ -606,10 +593,9 @@ class ErrorPlane:
         n, b = numbers["arw"], numbers["bias_instability"]
         scale = sensor.arw / n["value"]
         value = None if bound else self._reach(sensor, self.error)
-        low, high = (
-            self._reach(Sensor(scale * n[end], scale * (b[end] or 0.0)), of)
-            for end, of in (("low", self.low), ("high", self.high))
-        )
+        low = self._reach(Sensor(scale * (n["low"] or 0.0), scale * (b["low"] or 0.0)), self.low)
+        most = Sensor(scale * (n["high"] or np.inf), scale * (b["high"] or np.inf))
+        high = self._reach(most, self.high)
         if bound or value is None:
             why = "this log only bounds B" if bound else BEYOND
             return Estimate.refused("m", why, low=None if bound else low, high=high)

@@ -19,7 +19,7 @@ from scipy.stats import t as student
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.terrain import antennas
-from analysis.terrain.assumptions import Sensor, Setup
+from analysis.terrain.assumptions import Sensor, Setup, exp
 from analysis.terrain.monte_carlo import Laps, attitude_errors, follow
 from analysis.terrain.terrain_map import Profile
 
@@ -74,24 +74,22 @@ class MapError:
             If there are fewer than two laps, or all are too short for the largest lag.
         """
         series = [_every_metre(s, difference) for s, difference in residuals]
-        series = [of for of in series if np.isfinite(of).sum() > 2 * LAGS[-1]]
+        series = [of for of in series if np.isfinite(of[1]).sum() > 2 * LAGS[-1]]
         if len(series) < 2:
             raise CannotAnswer(
                 f"the error of a map needs two laps of {2 * LAGS[-1]} m or more that are not in "
                 f"it; there are {len(series)}"
             )
-        gamma = np.mean(
-            [[np.nanmean((of[k:] - of[:-k]) ** 2) / 2 for k in LAGS] for of in series], axis=0
-        )
+        apart, gamma = np.mean([[_pairs(*of, k) for k in LAGS] for of in series], axis=0).T
         start = 0.5 * gamma[-1] ** 0.5, 2.0, 0.8 * gamma[-1] ** 0.5, 50.0
         bounds = [0, 0.1, 0, 5], [np.inf, 5, np.inf, 500]
-        found, _ = curve_fit(_semivariogram, LAGS, gamma, start, sigma=gamma, bounds=bounds)
+        found, _ = curve_fit(_semivariogram, apart, gamma, start, sigma=gamma, bounds=bounds)
         # Four digits, for the fit stops where eight are good: every processor then has the same.
         fast_sd, fast_length, slow_sd, slow_length = (float(f"{x:.4g}") for x in found)
         # The mean of a lap varies by the offset, and by what the slow component leaves in a mean.
-        x = np.mean([len(of) for of in series]) / slow_length
+        x = np.mean([of.shape[1] for of in series]) / slow_length
         of_slow = 2 * slow_sd**2 * (x - 1 + np.exp(-x)) / x**2
-        of_mean = np.mean([np.nanmean(of) ** 2 for of in series])
+        of_mean = np.mean([np.nanmean(of[1]) ** 2 for of in series])
         offset = float(f"{np.sqrt(max(of_mean - of_slow, 0.0)):.4g}")
         return cls(offset, slow_sd, slow_length, fast_sd, fast_length, len(series))
 
@@ -105,8 +103,8 @@ class MapError:
         """Tell a filter with bias states what to expect of a map of some laps.
 
         The slow component is a state of its own. The fast one is white on the map's scale, with
-        R = 2 fast_sd^2 fast_length / (metres between samples): the same spectral density. The
-        offset is widened by Student's t, for it comes from as many numbers as there were laps.
+        R = fast_sd^2 (1 + k) / (1 - k), k its correlation from sample to sample: the same spectral
+        density. The offset is widened by Student's t, for it comes from as many numbers as laps.
 
         Parameters
         ----------
@@ -119,12 +117,12 @@ class MapError:
         Setup
         """
         more = np.sqrt(1 + 1 / laps)
-        apart = setup.speed * setup.every / setup.rate_hz
+        keep = exp(-setup.speed * setup.every / setup.rate_hz / self.fast_length_m)
         offset = more * self.offset_sd * student.ppf(0.975, self.laps - 1) / 1.96
         return replace(
             setup,
             bias_states=True,
-            R=(more * self.fast_sd) ** 2 * max(2 * self.fast_length_m / apart, 1.0),
+            R=float((more * self.fast_sd) ** 2 * (1 + keep) / (1 - keep)),
             map_error=(more * self.slow_sd, self.slow_length_m),
             begin_attitude_sd=float(np.hypot(setup.begin_attitude_sd, offset)),
         )
@@ -134,16 +132,26 @@ def _semivariogram(d, fast_sd, fast_length, slow_sd, slow_length):
     return fast_sd**2 * -np.expm1(-d / fast_length) + slow_sd**2 * -np.expm1(-d / slow_length)
 
 
+def _pairs(s, values, k):
+    """Give mean distance and semivariance of samples about k metres apart."""
+    apart, change = s[k:] - s[:-k], values[k:] - values[:-k]
+    two = apart > 0  # neighbouring metres may have the same sample
+    return apart[two].mean(), (change[two] ** 2).mean() / 2
+
+
 def _every_metre(s, values):
-    """Interpolate a series to every metre; NaN farther than 2 m from the next sample."""
+    """Take place and value of the sample nearest to each metre; NaN farther than 2 m from it.
+
+    Between samples nothing is interpolated, for that would smooth away what is fast.
+    """
     known = np.isfinite(values) & np.isfinite(s)
     s, values = s[known], values[known]
     if len(s) < 2:
-        return np.empty(0)
+        return np.empty((2, 0))
     grid = np.arange(np.ceil(s[0]), s[-1])
     after = np.clip(np.searchsorted(s, grid), 1, len(s) - 1)
-    far = np.minimum(np.abs(grid - s[after]), np.abs(grid - s[after - 1])) > 2
-    return np.where(far, np.nan, np.interp(grid, s, values))
+    near = after - (grid - s[after - 1] < s[after] - grid)
+    return np.where(np.abs(grid - s[near]) > 2, np.nan, [s[near], values[near]])
 
 
 @dataclass(frozen=True)

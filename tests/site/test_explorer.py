@@ -99,7 +99,8 @@ def as_python(page, plane, n, b, rel):
     type_in(page, "b", b)
     found, expected = told(page), plane.estimate(Sensor(n, b))
     numbers = [found[k] for k in ("error", "low", "high", "lost")]
-    wanted = [expected.value, expected.low, expected.high, plane.of(Sensor(n, b))[1]]
+    share = replace(plane, error=np.exp(plane.lost)).estimate(Sensor(n, b)).value
+    wanted = [expected.value, expected.low, expected.high, np.log(share)]
     assert numbers == pytest.approx(wanted, rel=rel, abs=1e-12 if rel < 1e-6 else 1e-6)
     return expected
 
@@ -163,7 +164,9 @@ def test_a_link_keeps_the_state(gyro, visit, folder):
     gyro.goto("about:blank")
     gyro.goto(address)
     assert gyro.input_value("#n") == "1.5" and gyro.is_checked("input[value='on attitude']")
-    expected = terrain_data.error_plane("on attitude", 600.0).of(Sensor(1.5 / 60, 0.002))[0]
+    expected = (
+        terrain_data.error_plane("on attitude", 600.0).estimate(Sensor(1.5 / 60, 0.002)).value
+    )
     assert told(gyro)["error"] == pytest.approx(expected, rel=1e-4)  # five digits in the address
 
 
@@ -190,7 +193,7 @@ def test_what_is_outside_is_refused(gyro, field, typed, says):
 
 @pytest.mark.parametrize(("n", "b"), [(0.00002, 0.002), (0.005, 1e-6), (1e-6, 1e-7)])
 def test_a_better_gyro_has_the_error_at_the_edge_at_most(gyro, n, b):
-    """cross-check: as `ErrorPlane.of` and `estimate`, and the page says so."""
+    """cross-check: as `ErrorPlane.estimate`, and the page says so."""
     in_base_units(gyro)
     expected = as_python(gyro, PLANE, n, b, 1e-9)
     said = gyro.inner_text("#answer")
@@ -201,10 +204,10 @@ def test_parts_that_qualify(gyro):
     """cross-check: those that Python finds as good, within the price; measured ones first."""
     type_in(gyro, "b", 30)
     type_in(gyro, "usd", 1000)
-    limit = float(f"{PLANE.of(Sensor(0.005, 30 / 3600))[0]:.2g}")
+    limit = float(f"{PLANE.estimate(Sensor(0.005, 30 / 3600)).value:.2g}")
     rows = ATLAS.query(explorer.RATES).assign(part=ATLAS["sensor"].str.split("-").str[0])
     b = rows["b"].fillna(rows["b_high"])
-    rows["error"] = [PLANE.of(Sensor(*pair))[0] for pair in zip(rows["n"], b, strict=True)]
+    rows["error"] = [PLANE.estimate(Sensor(*pair)).value for pair in zip(rows["n"], b, strict=True)]
     measured_here = rows.query("basis == 'measured'").groupby("part")["error"].max()
     sheets = rows.query("basis == 'datasheet'").set_index("part")
     error = measured_here.combine_first(sheets["error"])  # what was measured decides
@@ -228,9 +231,9 @@ def test_a_measured_part_has_its_data_sheet_under_it(gyro):
     rows = gyro.locator("tr", has_text="InvenSense MPU-6050")
     atlas = ATLAS.query("kind == 'rate'").set_index("sensor")
     over = atlas.loc["mpu6050-gyro", "n"] / atlas.loc["mpu6050", "n"]
-    stated = PLANE.of(Sensor(*atlas.loc["mpu6050", ["n", "b"]]))[0]
+    stated = PLANE.estimate(Sensor(*atlas.loc["mpu6050", ["n", "b"]])).value
     high, axes = replace(PLANE, error=PLANE.high), atlas.loc["mpu6050-gyro"].itertuples()
-    bound = max(high.of(Sensor(r.n_high, r.b_high))[0] for r in axes)
+    bound = max(high.estimate(Sensor(r.n_high, r.b_high)).value for r in axes)
     assert rows.count() == 1
     text = rows.text_content()
     assert f"at most {bound:.2g} m" in text and f"data sheet: {stated:.2g} m" in text

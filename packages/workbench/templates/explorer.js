@@ -21,7 +21,7 @@ function interpolate(rows, n, b, of = Math.log) {
 }
 
 // Error, ends of its interval (m) and share of laps lost; null beyond the computed range. A gyro
-// better than the range has the error at its edge at most, as terrain.ErrorPlane.of has it.
+// better than the range has the error at its edge at most, as terrain.ErrorPlane has it.
 function predict(n, b) {
   if (n > data.arw.at(-1) * (1 + 1e-9) || b > data.sigma_b.at(-1) * (1 + 1e-9)) return null;
   const at = plane(), [error, low, high] = [at.error, at.low, at.high].map((rows) => Math.exp(interpolate(rows, n, b)));
@@ -103,14 +103,14 @@ function sensorOf(channel) {
 function ofSensor(s) {
   const at = (n, b, end = "error") => predict(n, b)?.[end] ?? null, value = s.b ? at(s.n, s.b) : null;
   if (!s.n_low && !s.n_high) return { value, most: better(s.n, s.b) };
-  return { value, low: s.b ? at(s.n_low ?? s.n, s.b_low ?? 0, "low") : null, high: s.b_high ? at(s.n_high ?? s.n, s.b_high, "high") : null, most: better(s.n, s.b ?? s.b_high) };
+  return { value, low: s.b ? at(s.n_low ?? 0, s.b_low ?? 0, "low") : null, high: s.b_high && s.n_high ? at(s.n_high, s.b_high, "high") : null, most: better(s.n, s.b ?? s.b_high) };
 }
 
 const metres = (x) => `${rounded(x)} m`;
 function errorWords({ value, low, high, most }) {
   if (value === null || value === undefined) return high ? `at most ${metres(high)}` : "beyond the computed range";
   if (most) return `at most ${metres(value)}`;
-  if (low && high) return `${rounded(value)} (${rounded(low)} to ${rounded(high)}) m`;
+  if (low) return `${rounded(value)} (${high ? `${rounded(low)} to ${rounded(high)}` : `at least ${rounded(low)}`}) m`;
   return metres(value);
 }
 
