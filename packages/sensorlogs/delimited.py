@@ -25,12 +25,13 @@ from tqdm import tqdm
 from sensorlogs import CannotAnswer, WrongUsage, counted
 from sensorlogs.names import NAMES
 
-HEAD_BYTES, LONGEST_HEAD, FEWEST_LINES = 1 << 16, 1 << 22, 5
+HEAD_BYTES, LONGEST_LINE, FEWEST_LINES = 1 << 16, 100_000, 5
 LARGEST = 3 << 30  # bytes of numbers read at once
 HEAD_LINES = 50
 MISSING = {"", *NAMES["cells"]["missing"].split()}
 COMPACT = NAMES["cells"]["compact"]
 CLOCK = re.compile(NAMES["cells"]["clock"] + "|" + COMPACT)
+_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb": "utf-8-sig"}  # of byte order
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _NEWLINE = re.compile(r"\r\n|\n|\r")
 _COMMENT = re.compile(r"\s*([#%](?!(N/A|[A-Z/0]+[!?])\s*[,;\t|])|//)")  # a line, not of #DIV/0!
@@ -134,25 +135,24 @@ def _head(path: Path) -> tuple[list[str], str]:
     with open_bytes(path) as handle:
         head = handle.read(HEAD_BYTES)
         if head.count(b"\n") < FEWEST_LINES:  # of many columns
-            head += handle.read(LONGEST_HEAD)
+            head += handle.read(FEWEST_LINES * LONGEST_LINE)
         more = bool(handle.read(1))
     if not head.strip():
         raise CannotAnswer(f"{path.name}: the file is empty: there is no line 1")
-    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        encoding = "utf-16"
-    elif binary := _CONTROL.search(head):
+    encoding = _MARKS.get(head[:2], "utf-8")
+    if encoding != "utf-16" and (binary := _CONTROL.search(head)):
         line = len(_NEWLINE.split(head[: binary.start()].decode("latin-1")))
         raise (CannotAnswer if line > FEWEST_LINES else WrongUsage)(
             f"{path.name}, line {line}: bytes that are not text: a damaged file, or a binary "
             "format that is not known; cut it before that line, or export it as CSV"
         )
-    else:
-        encoding = "utf-8-sig" if head[:3] == b"\xef\xbb\xbf" else "utf-8"
     # The head may end within a character, which is not wrong, only not whole.
     text = codecs.getincrementaldecoder(encoding)("replace").decode(head, final=not more)
     if "\ufffd" in text and encoding == "utf-8":
         encoding, text = "cp1252", head.decode("cp1252", errors="replace")
     lines = _NEWLINE.split(text)
+    if long := [k for k, line in enumerate(lines, 1) if len(line) > LONGEST_LINE]:
+        raise CannotAnswer(f"{path.name}, line {long[0]}: too long; a line of a log is one sample")
     return (lines[:-1] if more and len(lines) > 1 else lines), encoding
 
 
