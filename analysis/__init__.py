@@ -256,7 +256,7 @@ class Estimate:
         if not spec:
             return str(self)
         unit = f" {pretty(self.unit)}".rstrip()
-        return self._written(lambda x: without_exponents(format(x, spec)), unit)
+        return self._written(lambda x: without_exponents(format(x, f"z{spec}")), unit)  # no -0.0
 
     def _written(self, number, unit):
         if self.value is None:

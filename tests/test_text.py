@@ -26,14 +26,14 @@ def test_a_cell_without_a_form(cell, written):
 
 
 @pytest.mark.parametrize(("form", "share", "estimate", "small"), [
-    ("{:.0%}", "25%", "12% (10% to 15%)", "2%"),
-    ({"x": "{:.2f} m"}, "0.25 m", "0.12 (0.10 to 0.15)", "0.02 m"),
-    ({"": "{:.1f}", "z": "{:.2f}"}, "0.2", "0.12 (0.10 to 0.15)", "0.0"),
-    ({"x": "{:.2f}", "b": "{:.3f}"}, "0.25", "0.12 (0.10 to 0.15)", "0.020"),
-    ({"x": "{:.0f}", "": "{:.0%}"}, "0", "12% (10% to 15%)", "0")])  # fmt: skip
+    ("{:.0%}", "25%", "12% (0% to 15%)", "2%"),
+    ({"x": "{:.2f} m"}, "0.25 m", "0.12 (0.00 to 0.15)", "0.02 m"),
+    ({"": "{:.1f}", "z": "{:.2f}"}, "0.2", "0.12 (0.00 to 0.15)", "0.0"),
+    ({"x": "{:.2f}", "b": "{:.3f}"}, "0.25", "0.12 (0.00 to 0.15)", "0.020"),
+    ({"x": "{:.0f}", "": "{:.0%}"}, "0", "12% (0% to 15%)", "0")])  # fmt: skip
 def test_a_form_writes_numbers_and_estimates(form, share, estimate, small):
     """property: of a row, else of its column, else of all; integers, words and gaps stay."""
-    rows = {"a": {"x": 0.25, "n": 3, "z": Estimate(0.12, 0.1, 0.15)}}
+    rows = {"a": {"x": 0.25, "n": 3, "z": Estimate(0.12, -0.001, 0.15)}}
     rows["b"] = {"x": 0.02, "n": None, "z": True}
     written = [["a", share, "3", estimate], ["b", small, "–", "yes"]]
     assert cells(text.table(rows, "name", form)) == written
