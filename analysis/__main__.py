@@ -5,8 +5,8 @@ import ctypes
 import os
 import signal
 import sys
+import threading
 
-M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt(3)
 STARTED = os.getpid()
 
 
@@ -15,6 +15,7 @@ def stop(*_):
     if os.getpid() != STARTED:
         os._exit(130)  # a forked worker
     print("\nstopping: nothing half-written stays", file=sys.stderr, flush=True)
+    threading.excepthook = lambda *_: None  # joblib's misses the work that is taken from it
     import psutil  # here, not above: a run that is not stopped does without it
 
     for child in psutil.Process().children(recursive=True):
@@ -22,12 +23,13 @@ def stop(*_):
     raise KeyboardInterrupt
 
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # channels and cells are the threads
+# Channels and cells are the threads; joblib's process that removes locks says so when stopped.
+os.environ |= {"OMP_NUM_THREADS": "1", "PYTHONWARNINGS": "ignore:resource_tracker"} | os.environ
 os.environ.pop("MPLBACKEND", None)  # figures go into files, and matplotlib refuses an unknown one
 with contextlib.suppress(AttributeError, TypeError, OSError):  # other systems have no mallopt
     # A long log fills the memory: freed arrays of 4 MB or more go back to the system at once.
-    ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, 4 << 20)
-    ctypes.CDLL(None).mallopt(M_TRIM_THRESHOLD, 16 << 20)
+    ctypes.CDLL(None).mallopt(-3, 4 << 20)  # M_MMAP_THRESHOLD of mallopt(3)
+    ctypes.CDLL(None).mallopt(-1, 16 << 20)  # M_TRIM_THRESHOLD
 for stream in filter(None, (sys.stdout, sys.stderr)):  # none where it is closed
     stream.reconfigure(errors="replace")  # a terminal without Greek letters ends no run
 try:
@@ -40,8 +42,7 @@ try:
 except KeyboardInterrupt:  # while a library was loaded
     status = 130
 except ModuleNotFoundError as error:
-    install = "make install, then . .venv/bin/activate"
-    print(f"{error.name} is not installed: {install}", file=sys.stderr)
+    print(error.name, "is not installed: make install, then . .venv/bin/activate", file=sys.stderr)
     status = 2
 if status == 130:
     sys.stdout.flush()
