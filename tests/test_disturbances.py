@@ -213,22 +213,15 @@ def test_few_levels_and_piles_by_their_counts():
         assert told == [of_log] * (runs == 11)
 
 
-def test_a_gap_is_longer_than_chance_makes_it():
-    """analytic: ln(n / 0.01) / -ln(share lost) is the run that one log in 100 exceeds."""
+def test_what_is_missing_is_counted():
+    """known case: samples, their stretches, and the longest of these with its place."""
     y = np.zeros(1000)
     assert rules.missing(y, DT) == rules.missing(np.full(9, np.nan), DT) == []
-    for singles, lost, begin in ((18, 18, 20.0), (19, 22, 10.0)):  # of 1000, beside a run of three
-        y[100:103] = y[200 : 200 + 10 * singles : 10] = np.nan
-        told, gap = rules.missing(y, DT), said("gap", total=0.3, longest=0.3, at=10.0)
-        assert (gap in told[0].note) == (lost == 18) == (len(told) == 2)
-        assert told[-1].note == said("lost", samples=lost, share=lost / 1000)
-        assert not any(d.affects for d in told)
-        assert (told[-1].start_s, told[-1].end_s) == pytest.approx((begin, 20.0 + singles - 0.9))
-    y = np.zeros(1000)
-    y[100:105] = y[300:306] = np.nan
-    (gaps,) = rules.missing(y, DT)
-    assert gaps.note == said("gaps", count=2, total=1.1, longest=0.6, at=30.0)
-    assert (gaps.start_s, gaps.end_s) == pytest.approx((10.0, 30.6))
+    y[100:105] = y[300:306] = y[700] = np.nan
+    (told,) = rules.missing(y, DT)
+    numbers = {"samples": 12, "share": 0.012, "places": 3, "longest": 0.6, "at": 30.0}
+    assert told.note == said("missing", **numbers) and not told.affects
+    assert (told.start_s, told.end_s) == pytest.approx((10.0, 70.1))
 
 
 def test_increments_are_those_of_their_definition():

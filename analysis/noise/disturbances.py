@@ -490,10 +490,7 @@ def uneven(y: np.ndarray, dt: float, m: int, white: float) -> list[Disturbance]:
 
 
 def missing(y: np.ndarray, dt: float) -> list[Disturbance]:
-    """List what is missing: gaps, and single samples.
-
-    A gap is a run of missing samples longer than chance makes one of so many lost one by one. The
-    likelihood is that of the samples that are there, so neither touches a parameter.
+    """Say what is missing; the likelihood is that of the rest, so it touches no parameter.
 
     Parameters
     ----------
@@ -504,24 +501,16 @@ def missing(y: np.ndarray, dt: float) -> list[Disturbance]:
     Returns
     -------
     list of Disturbance
-        None, one or two.
+        Empty, or one.
     """
     lost = ~np.isfinite(y)
     if not lost.any() or lost.all():
         return []
-    runs = runs_of(lost)
-    length = np.diff(runs)[:, 0]
-    gap = length > np.log(len(y) / APART) / -np.log(lost.mean())
-    found = []
-    for some, code in ((gap, "gaps" if gap.sum() > 1 else "gap"), (~gap, "lost")):
-        if some.any():
-            start, end = dt * runs[some].ravel()[[0, -1]]
-            total = length[some].sum()
-            at, until = dt * runs[some][np.argmax(length[some])]
-            about = {"count": some.sum(), "samples": total, "share": total / len(y)}
-            about |= {"total": total * dt, "longest": until - at, "at": at}
-            found.append(Disturbance("missing", start, end, said(code, **about)))
-    return found
+    runs = dt * runs_of(lost)
+    longest = runs[np.argmax(np.diff(runs)[:, 0])]
+    about = {"samples": lost.sum(), "share": lost.mean(), "places": len(runs)}
+    note = said("missing", **about, longest=np.ptp(longest), at=longest[0])
+    return [Disturbance("missing", runs[0, 0], runs[-1, 1], note)]
 
 
 def lines(y: np.ndarray, dt: float) -> tuple[list[tuple[float, float]], list[Disturbance]]:
