@@ -34,6 +34,7 @@ ANSWERED = {
     "every other sample, with long holes": np.where(FEW % 200 < 100, FEW % 2 * 1.0, np.nan),
     "holes everywhere": np.where(np.arange(6000) % 13 == 0, np.nan, WHITE),
     "bursts of 20 samples": np.where(FEW % 60 < 20, WHITE[:1500], np.nan),
+    "a saw-tooth, all of it lines": np.arange(17_000) % 17 * 1.0,
 }  # fmt: skip
 REFUSED = {
     "one sample": (np.ones(1), "1 samples"), "63 samples": (WHITE[:63], "63 samples"),
@@ -41,6 +42,7 @@ REFUSED = {
     "a constant with holes": (np.where(np.arange(6000) % 20 == 0, np.nan, 1.5), "constant"),
     "pure drift": (1.0 + 0.01 * np.arange(6000), "straight line"),
     "nothing but holes": (np.full(6000, np.nan), "0 samples"),
+    "nine of ten samples lost": (np.where(np.abs(WHITE) > 1.64, WHITE, np.nan), "no 32 in a row"),
 }  # fmt: skip
 
 

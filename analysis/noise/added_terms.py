@@ -20,7 +20,7 @@ from scipy.ndimage import median_filter
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2, norm
 
-from analysis import Estimate
+from analysis import CannotAnswer, Estimate
 from analysis.noise.allan import overlapped_variance
 from analysis.noise.autocorrelation import block_means
 from analysis.noise.disturbances import CHANCE, Disturbance
@@ -219,6 +219,8 @@ class Coarse:
         m = max(averaged, -(-len(y) // COARSE))
         means = block_means(y, m)
         have = np.isfinite(means)
+        if not have.any():
+            raise CannotAnswer(said("no_stretch"))
         k = np.arange(len(means))
         near = np.interp(k, k[have], median_filter(means[have], NEIGHBOURS, mode="nearest"))
         limit = FAR * np.median(np.abs(means - near)[have]) / norm.ppf(0.75)

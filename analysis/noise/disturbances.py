@@ -390,11 +390,11 @@ def heavy_tails(part: Increments) -> list[Disturbance]:
     # Over the median of each eighth, for its root mean square would cut its own tail.
     robustly = z / np.median(z, axis=(1, 2), keepdims=True)
     tail = np.sort(robustly, axis=None)[-(z.size // TAIL + 5) :]
-    index = 1 / np.mean(np.log(tail[1:] / tail[0]))  # Hill's
+    thickness = np.mean(np.log(tail[1:] / tail[0]))  # Hill's: 1 / index
     middle = float(np.subtract(*np.percentile(part.z, [75, 25])))
     robust = middle / (norm.ppf(0.75) - norm.ppf(0.25))
-    if index < BOUNDED:
-        note = said("unbounded_tails", excess=excess, index=index)
+    if thickness > 1 / BOUNDED:
+        note = said("unbounded_tails", excess=excess, index=1 / thickness)
         return [Disturbance("heavy_tails", *ends, note, WHITE, bounds=(robust, None))]
     half = float(norm.ppf(0.975) * np.sqrt(excess / (4 * z.size)))
     note = said("heavy_tails", excess=excess, over=1 + excess, robust=robust)

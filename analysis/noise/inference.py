@@ -518,9 +518,10 @@ def disagreement(likelihood, fit):
     # Those that the margin averages away, and the next, in each band that a log may be fitted in.
     measured, count = (sums[: MARGIN + 1] for sums in by_octave(stretch, *parts)[1])
     off = np.abs(measured[count > 0] / count[count > 0] - 1)
-    looks = len(off) * max(np.log2(stretch.whole / FEWEST_MEANS), 1.0)
+    # Lines may have all of them.
+    looks = max(len(off), 1) * max(np.log2(stretch.whole / FEWEST_MEANS), 1.0)
     chance = norm.isf(CHANCE / 2 / looks) * np.sqrt(2 / count[count > 0])
-    return float(off.max()), bool(np.any(off > np.maximum(AGREE, chance)))
+    return float(off.max(initial=0.0)), bool(np.any(off > np.maximum(AGREE, chance)))
 
 
 def lost_in_means(finest, likelihood, fit):
