@@ -1,6 +1,7 @@
 """Block 2: tilt, heading and the gyro's bias, on motions whose truth is known."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from analysis import STANDARD_GRAVITY
 from analysis.tracker import attitude as block_2
-from analysis.tracker import kalman
+from analysis.tracker import kalman, scenario
 from analysis.tracker.attitude import Attitude, Direction, Upright, level, north
-from analysis.tracker.log_replay import beyond_gnss
+from analysis.tracker.device import Options
+from analysis.tracker.log_replay import beyond_gnss, stepped
 
 RATE = 40
 
@@ -137,37 +139,30 @@ def test_north_inverts_the_euler_angles(roll, pitch, heading):
     np.testing.assert_allclose(north(C[2].tolist(), heading), C[0], atol=1e-12)
 
 
-@pytest.mark.parametrize("scatter, length", [(0.9, 1.09), (1.1, 1.0), (0, 0.91), (0, 0.89)])
+@pytest.mark.parametrize("length", [1.0, 0.9])
 @pytest.mark.parametrize("dt", [0.25, 0.5])
-def test_the_first_second_is_rest_or_not(scatter, length, dt):
-    """analytic: down is against the mean force, yaw counts from there; of a rest Bayes' bias.
+def test_the_first_second_gives_a_level(length, dt):
+    """analytic: down is against the mean force, yaw counts from there; it shows no bias.
 
     Restarted later, both are what a rest says, and the heading is what it was.
     """
     block, g, mean = Attitude(), STANDARD_GRAVITY, np.array([0.05, -0.01, 0.03])
-    still, n = scatter < 1 and abs(length - 1) < 0.1, max(round(1 / dt), 3)
     C = Rotation.from_euler("ZYX", [0.0, -0.4, 0.7])
-    force, prior, rest = C.inv().apply([0.0, 0.0, -g * length]), 0.1**2, block_2.SIGMA_BIAS_REST**2
-    for k in range(n):
+    force, rest = C.inv().apply([0.0, 0.0, -g * length]), block_2.SIGMA_BIAS_REST**2
+    for _ in range(max(round(1 / dt), 3)):
         assert not block.ready and math.isnan(block.yaw_rate) and block.horizontal == (0.0, 0.0)
-        wave = math.sqrt(2) * block_2.STEADY * math.cos(2 * math.pi * k / n)
-        block.imu(mean + np.array([0.0, 0.0, scatter * wave]), force, dt)
+        block.imu(mean, force, dt)
     np.testing.assert_allclose(block.C_nb, C.as_matrix(), atol=1e-12)
     assert block.angles == pytest.approx((0.7, -0.4, math.nan), nan_ok=True)
-    known = 1 / (1 / prior + 1 / rest) if still else prior
-    np.testing.assert_allclose(block.bias.x, mean * (1 - known / prior), rtol=1e-6)
-    np.testing.assert_allclose(block.bias.P, known * np.eye(3), rtol=1e-6)
-    assert beyond_gnss(block) == pytest.approx(0.0 if still else abs(length - 1) * g)
-    for of in (block.tilt, block.yaw):
-        assert of.density == pytest.approx(3e-4**2 + 10.0 * (rest if still else prior))
-    level = block.tilt.p
+    assert block.bias.x == [0.0] * 3 and np.array_equal(block.bias.P, 0.1**2 * np.eye(3))
+    assert beyond_gnss(block) == pytest.approx((1 - length) * g) and block.tilt.p == 0.1**2
+    assert block.tilt.density == block.yaw.density == pytest.approx(3e-4**2 + 10.0 * 0.1**2)
     block.yaw.start(north(block.down, 2.0), 0.1)
     block.restart([0.0, 3.0, -4.0], mean)
     assert block_2.angles(block.C_nb)[2] == pytest.approx(2.0)
     assert block.down == pytest.approx([0.0, -0.6, 0.8]) and beyond_gnss(block) == 0.0
     assert block.bias.x == mean.tolist() and block.bias.P[2][2] == pytest.approx(rest)
     assert block.tilt.p == pytest.approx((block_2.SIGMA_ACCEL / g) ** 2)
-    assert (level == block.tilt.p) == still
 
 
 @pytest.mark.parametrize("down", [(0.6, 0.0, 0.8), (-0.48, 0.6, -0.64), (-1.0, 0, 0), (1.0, 0, 0)])
@@ -238,7 +233,7 @@ def test_bias_is_found_without_ever_standing():
     """property: with courses alone, a bias of 2 deg/s about all axes comes out to 0.3 deg/s."""
     rng, t = np.random.default_rng(4), np.arange(0, 120, 1 / RATE)
     yaw, bias = 0.4 * np.sin(0.2 * t), np.radians([2.0, -2.0, 2.0])
-    noisy = (0.05, 0.3)  # no first second of rest to read the bias from
+    noisy = (0.05, 0.3)
     samples = simulate(np.column_stack([0 * t, 0 * t, yaw]), rng, bias=bias, noise=noisy)
     heading = (yaw[RATE - 1 :: RATE] + 0.02 * rng.standard_normal(120)).tolist()
     block = run(Attitude(), *samples, static=0, heading=heading, vehicle=0.0)
@@ -294,15 +289,17 @@ def test_a_lasting_acceleration_is_no_tilt():
     assert block.horizontal[1] == pytest.approx(0.5, abs=0.15)  # noise of one sample
 
 
-@pytest.mark.parametrize("heading", [None, 1.0])
-def test_a_steady_turn_is_no_bias(heading):
-    """known case: a first second that scatters little was rest, unless a course comes with it."""
-    block, turn = Attitude(), (0.0, 0.0, 0.2)
-    for _ in range(RATE + 1):
-        block.imu(turn, (0.0, 0.0, -STANDARD_GRAVITY), 1 / RATE)
-    assert block.ready and block.bias.x == pytest.approx(turn, abs=1e-4)
-    block.epoch(heading=heading)
-    assert block.bias.x == pytest.approx(turn if heading is None else (0.0, 0.0, 0.0), abs=1e-4)
-    assert block.tilt.p**0.5 == pytest.approx(0.005 if heading is None else 0.1, rel=0.1)
-    block.epoch(heading=1.0)
-    assert (block.bias.x[2] > 0.1) == (heading is None)  # only the epoch after that second says so
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_steady_turn_is_no_bias(seed):
+    """property: begun in a long bend of 6 deg/s, a log gives the bias to 1 deg/s after 15 s."""
+    log = scenario("B", np.random.default_rng(seed), laps=1).log
+    still = log.imu.gyro_b[log.imu.t_s < 20.0].mean(axis=0)
+    gnss, imu = (
+        type(of)(*(each[of.t_s >= 50.0] for each in vars(of).values()))
+        for of in (log.gnss, log.imu)
+    )
+    bends = [
+        device.attitude.bias.x
+        for *_, device, _ in stepped(replace(log, gnss=gnss, imu=imu), Options())
+    ]
+    assert np.degrees(np.abs(bends[15:40] - still)).max() < 1.0

@@ -22,7 +22,6 @@ EXTERNAL_MOST = 0.5  # m/s^2, bound on an acceleration that only the acceleromet
 SIGMA_BIAS_REST = 1e-3  # rad/s, mean of a second at rest: half a step of the coarsest gyro here
 SIGMA_BIAS_MOVING = 0.05  # rad/s, of what the other two filters correct in a second
 GYRO_SCALE = 0.01  # of a rate: error of scale and axes
-STEADY = 0.02  # rad/s, scatter of a gyro that is not turned
 ON_END = 1e-9  # square of the sine between an axis and the vertical: it has no level
 WEIGHTLESS = 0.1  # m/s^2: no direction of down can be read
 ALIGN_S = 1.0  # s of samples that the first attitude is read from
@@ -65,8 +64,6 @@ class Attitude:
     >>> [round(angle, 3) for angle in block.angles]
     [0.1, -0.0, 1.0]
     """
-
-    _before = None  # bias and covariance before the first second was taken for one of rest
 
     def __init__(self, number=float):
         self.number = number
@@ -154,10 +151,6 @@ class Attitude:
             Square of the horizontal acceleration of the vehicle by GNSS, (m/s^2)^2.
         """
         self._vehicle = vehicle
-        before, self._before = self._before, None
-        if before and heading is not None:  # it moved: in a steady turn a gyro scatters little
-            self.bias.x, self.bias.P = before
-            self.tilt.start(self.tilt.x, 0.1)
         if not self.ready or not self._samples:
             return
         down, spin = self.down, None
@@ -226,35 +219,18 @@ class Attitude:
         )
 
     def _align(self, accel_b):
-        """Read the first attitude, and the gyro's bias if it lay still, from the first second."""
+        """Read the first attitude from the first second."""
         add(self._accel, accel_b)
         if self._seconds < ALIGN_S or self._samples < 3:
             return
-        number, scale = self.number, 1 / self._samples
-        gyro, square, force = (
-            [number(s * scale) for s in sums]
-            for sums in (self._gyro, self._gyro_square, self._accel)
-        )
-        length = math.sqrt(dot(force, force))
-        if length < WEIGHTLESS:
-            self._clear_sums()
-            return
-        scatter = max([s - m * m for m, s in zip(gyro, square)])
-        off = abs(length - STANDARD_GRAVITY)
-        still = scatter < STEADY * STEADY and off < 0.1 * STANDARD_GRAVITY
-        down = [f * (-1 / length) for f in force]
-        self.tilt.start(down, SIGMA_ACCEL / STANDARD_GRAVITY if still else 0.1)
-        self.yaw.start(north(down, 0.0), math.pi)
-        if still:
-            x, y, z = self.bias.P
-            self._before = self.bias.x, [x[:], y[:], z[:]]
-            self.bias.rest(gyro, 0.0)
-            self.tilt.set_rate_error(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
-            self.yaw.set_rate_error(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
-        self._external = plus(accel_b, STANDARD_GRAVITY, down)
-        self._mean_external = [0.0] * 3 if still else self._external
-        self.ready = True
+        force = [self.number(s / self._samples) for s in self._accel]
         self._clear_sums()
+        if dot(force, force) < WEIGHTLESS * WEIGHTLESS:
+            return
+        self.tilt.start(opposite(force), 0.1)
+        self.yaw.start(north(self.down, 0.0), math.pi)
+        self._external = self._mean_external = plus(accel_b, STANDARD_GRAVITY, self.down)
+        self.ready = True
 
     def _correct_bias(self, static, down, spin):
         """Update the bias filter with the gyro at rest, or with the corrections of this epoch."""
@@ -392,7 +368,7 @@ class GyroBiasFilter:
                 P[i][j] -= gain * (Ph[i] * Ph[j])
                 P[j][i] = P[i][j]
 
-    def rest(self, mean, dt, variance=(0.0, 0.0, 0.0)):
+    def rest(self, mean, dt, variance):
         """Carry the bias over ``dt`` s and take in the mean rate at rest (sequence of 3, rad/s).
 
         ``variance`` is what vibration leaves in each mean, (rad/s)^2.

@@ -80,15 +80,10 @@ static number pdop_sigma(number pdop) { // _sigma
 
 static number norm(number a, number b) { return root(a * a + b * b); }
 
-static wide turned_back(wide degrees) { // _turned
-  if ((-180 < degrees && degrees <= 180) || !(-720 <= degrees && degrees <= 720)) return degrees;
-  if (degrees > 180) {
-    degrees -= 360;
-    return degrees < 180 ? degrees : degrees - 360;
-  }
-  if (degrees == -180) return degrees; // as Python rounds a half
-  degrees += 360;
-  return degrees > -180 ? degrees : degrees + 360;
+static wide turned_back(wide degrees) { // _turned, of two turns at most
+  for (int k = 0; k < 2 && !(-180 < degrees && degrees <= 180); k++)
+    degrees += (wide)(degrees > 180 ? -360 : 360);
+  return degrees;
 }
 
 static void metres_per_degree(number lat_deg, number height_m, number *north, number *east) {
@@ -173,9 +168,7 @@ static wide last_anew(LastPosition *b, wide t_s, const Place *fix) {
 
 // In seconds as wide as times: a wait of 5 s is over or not, whatever the type of the number.
 static wide last_agreed(LastPosition *b, wide t_s, const Place *fix, number speed, number course) {
-  number north = NONE, east = NONE;
-  if (speed < LAST_POSITION_SLOW) north = east = 0;
-  if (known(course) && known(speed)) north = speed * cosine(course), east = speed * sine(course);
+  number north = speed * cosine(course), east = speed * sine(course);
   bool had = b->has_before;
   wide before_s = b->before_s, apart = had ? t_s - before_s : (wide)INFINITY;
   number last_speed = b->before_speed, last_north = b->before_north, last_east = b->before_east;
@@ -525,33 +518,17 @@ static void attitude_align(Attitude *b, const number accel_b[3]) {
   add(b->accel, accel_b);
   number short_by = sizeof(number) == sizeof(float) ? R(1e-6) : 0; // a sum of steps in float
   if (b->seconds < ATTITUDE_ALIGN_S - short_by || b->samples < 3) return;
-  number scale = 1 / R(b->samples), gyro[3], force[3], down[3], ahead[3], none[3] = {0};
-  bool still = true;
-  EACH(k, 3) {
-    gyro[k] = b->gyro[k] * scale, force[k] = b->accel[k] * scale;
-    number scatter = b->gyro_square[k] * scale - gyro[k] * gyro[k];
-    still = still && scatter < SQUARE(ATTITUDE_STEADY);
-  }
-  number length = root(dot(force, force));
-  if (length < ATTITUDE_WEIGHTLESS) {
-    attitude_clear_sums(b);
-    return;
-  }
-  still = still && size(length - GRAVITY) < R(0.1) * GRAVITY;
-  EACH(k, 3) down[k] = force[k] * (-1 / length);
-  direction_start(&b->tilt, down, still ? ATTITUDE_SIGMA_ACCEL / GRAVITY : R(0.1));
-  north_of(ahead, down, 0);
-  direction_start(&b->yaw, ahead, R(PI));
-  if (still) {
-    b->before = b->bias, b->has_before = true;
-    bias_rest(&b->bias, gyro, 0, none);
-    direction_rate_error(&b->tilt, SQUARE(ATTITUDE_SIGMA_BIAS_REST));
-    direction_rate_error(&b->yaw, SQUARE(ATTITUDE_SIGMA_BIAS_REST));
-  }
-  EACH(k, 3) b->external[k] = accel_b[k] + GRAVITY * down[k];
-  copy(b->mean_external, still ? none : b->external);
-  b->ready = true;
+  number force[3], ahead[3];
+  EACH(k, 3) force[k] = b->accel[k] / R(b->samples);
   attitude_clear_sums(b);
+  if (dot(force, force) < SQUARE(ATTITUDE_WEIGHTLESS)) return;
+  opposite(b->tilt.x, force);
+  direction_start(&b->tilt, b->tilt.x, R(0.1));
+  north_of(ahead, b->tilt.x, 0);
+  direction_start(&b->yaw, ahead, R(PI));
+  EACH(k, 3) b->external[k] = accel_b[k] + GRAVITY * b->tilt.x[k];
+  copy(b->mean_external, b->external);
+  b->ready = true;
 }
 
 static void attitude_imu(Attitude *b, const number gyro[3], const number accel[3], number dt,
@@ -643,11 +620,6 @@ static void attitude_set_rate_errors(Attitude *b, const number down[3]) {
 static void attitude_epoch(Attitude *b, bool is_static, number heading, number sigma,
                            number vehicle) {
   b->vehicle = vehicle;
-  if (b->has_before && known(heading)) {
-    b->bias = b->before;
-    direction_start(&b->tilt, b->tilt.x, R(0.1));
-  }
-  b->has_before = false;
   if (!b->ready || !b->samples) return;
   number *down = b->tilt.x, target[3], C[3][3], spin = NONE;
   attitude_C_nb(b, C);
@@ -1129,7 +1101,7 @@ static void device_predict(Device *d, wide t_s) {
   number dt = step_of(t_s, d->t_fusion), accel_n[3] = {0};
   if (!(dt > 0)) return;
   d->t_fusion = t_s;
-  bool aided = device_sighted(d) && dt <= DEVICE_GAP_S && !device_without_imu(d, t_s);
+  bool aided = device_sighted(d) && !device_without_imu(d, t_s);
   if (aided) attitude_accel_n(&d->attitude, accel_n);
   fusion_predict(&d->fusion, accel_n, dt, aided ? OPTIONS_SIGMA_ACCEL : OPTIONS_SIGMA_UNAIDED);
 }
@@ -1146,7 +1118,7 @@ void device_imu(Device *d, wide t_s, const number gyro_b[3], const number accel_
   if (REST_DETECTOR_REST_BLOCKS) {
     bool quiet = rest_sample(&d->rest, gyro_b, accel_b, dt);
     bool slow = d->pace < OPTIONS_SPEED_THRESHOLD;
-    if (quiet && slow && d->still.moving && block->ready)
+    if (quiet && slow && d->still.moving)
       attitude_restart(block, d->rest.force, d->rest.rate);
     d->still.quiet = d->rest.steady ? YES : NO;
   }
@@ -1255,7 +1227,7 @@ static void device_orient(Device *d, wide t_s, bool moving, bool rests, number c
 static void device_ellipse(Device *d, wide t_s, bool moving, number out[3]) {
   bool filters = d->fuses && d->fusion.started;
   out[0] = out[1] = out[2] = NONE;
-  if (!filters && (!d->has_left || !d->has_ned)) return;
+  if (!d->has_left) return;
   number T = moving && !(filters && device_sighted(d)) ? R(t_s - d->t_fix) : 0;
   number straight = least(T, DEVICE_COASTS);
   number a = OPTIONS_SIGMA_SPEED * straight, b = d->pace * (T - straight);
@@ -1354,14 +1326,11 @@ static void device_fuse(Device *d, const Epoch *e, const number *fix, bool movin
   }
   if (moving) sigma_v = most(sigma_v, root(d->last.slip));
   const Constrained *car = device_constrain(d, fix, velocity, sigma_p, sigma_v);
-  bool bridged = e->t_s - d->t_fix <= (wide)OPTIONS_BRIDGE_S;
   if (layer) {
     device_put_out(d, rest);
-  } else if (car && (fix || bridged)) {
-    number ned[3] = {car->position[0], car->position[1], block->position[2]};
-    device_put_out(d, ned);
-  } else if (!d->last.accepted || bridged) {
+  } else if (e->t_s - d->t_fix <= (wide)OPTIONS_BRIDGE_S) {
     device_put_out(d, block->position);
+    if (car) d->ned[0] = car->position[0], d->ned[1] = car->position[1];
   }
 }
 

@@ -91,8 +91,8 @@ typedef struct {
 
 typedef struct {
   Direction tilt, yaw;
-  GyroBias bias, before;
-  bool ready, heading_known, has_before;
+  GyroBias bias;
+  bool ready, heading_known;
   number external[3], mean_external[3], vehicle, last[3];
   number turned[3], gyro[3], gyro_square[3], accel[3], seconds;
   int samples;

@@ -177,7 +177,7 @@ class Device:
         if rest:
             quiet = rest.sample(gyro_b, accel_b, dt)
             slow = self._pace < self.options.speed_threshold
-            if quiet and slow and self.static.moving and block.ready:
+            if quiet and slow and self.static.moving:
                 block.restart(rest.force, rest.rate)
             self.static.quiet = rest.steady
         last = block.last
@@ -403,10 +403,9 @@ class Device:
         car = self._constrain(fix, velocity, sigma_p, sigma_v)
         if layer:
             self.ned = rest
-        elif car and (fix or epoch.t_s - self._t_fix <= self.options.bridge_s):
-            self.ned = tuple(car.antenna) + (block.position[2],)
-        elif not self.last.accepted or epoch.t_s - self._t_fix <= self.options.bridge_s:
-            self.ned = tuple(float(p) for p in block.position)
+        elif epoch.t_s - self._t_fix <= self.options.bridge_s:
+            north, east = car.antenna if car else block.position[:2]
+            self.ned = float(north), float(east), float(block.position[2])
 
     def _contradicted(self, fix, sigma):
         """Return whether an accepted fix lies far from the output, and outside what it claims."""
@@ -425,7 +424,7 @@ class Device:
         """
         car, block = self.constrained, self.fusion
         filters = block and block.started
-        if not (filters or (self._left and self.ned)):
+        if self._left is None:
             return (math.nan,) * 3
         T = t_s - self._t_fix if moving and not (filters and self._sighted()) else 0.0
         straight = min(T, self.coast_s)
@@ -495,7 +494,7 @@ class Device:
             return
         self._t_fusion = t_s
         on, block = self.options, self.attitude
-        if self._sighted() and dt <= GAP_S and not self._without_imu(t_s):
+        if self._sighted() and not self._without_imu(t_s):
             self.fusion.predict(block.accel_n, dt, on.sigma_accel)
         else:
             self.fusion.predict((0.0, 0.0, 0.0), dt, on.sigma_unaided)

@@ -16,7 +16,7 @@ Plain arithmetic, so that it runs on a small device as it is.
 import math
 from collections import namedtuple
 
-from analysis.tracker.vectors import configure
+from analysis.tracker.vectors import configure, wrap
 
 ENOUGH = 6  # a receiver that prints two dimensions from so many has solved for three
 PDOP_WAIT_S = 10.0  # receivers that save on sentences give a PDOP every few seconds only
@@ -230,11 +230,7 @@ class LastPosition:
 
         Each fix is compared with where an earlier one, at most two waits old, would be by now.
         """
-        north = east = math.nan
-        if speed < SLOW:
-            north = east = 0.0
-        if course == course and speed == speed:
-            north, east = speed * math.cos(course), speed * math.sin(course)
+        north, east = speed * math.cos(course), speed * math.sin(course)
         before = self._before
         self._before = (t_s, speed, north, east)
         dt = t_s - before[0] if before else math.inf
@@ -293,10 +289,8 @@ def _norm(a, b):
 
 
 def _turned(degrees):
-    """Bring a difference of longitudes into (-180, 180]."""
-    if -180.0 < degrees <= 180.0 or not -720.0 <= degrees <= 720.0:  # not a number either
-        return degrees
-    return degrees - 360.0 * round(degrees / 360.0)
+    """Bring a difference of longitudes into (-180, 180]; one that is there keeps its last digit."""
+    return degrees if -180.0 < degrees <= 180.0 else wrap(degrees, 360.0)
 
 
 def metres_per_degree(lat_deg, height_m=0.0):

@@ -104,7 +104,7 @@ def replay(
                 f"{flag} belongs to the filter for cars, and here {options.filter} is used: "
                 "say --filter car if this is the log of one"
             )
-    rows, unexplained, marks = [], [], []
+    rows, unexplained, marks, held = [], [], [], 0
     devices: list[Device] = []
     straights: list[Straight] = []
     for epoch, row, device, _ in stepped(timeline, options, stored, smooth, lever, progress):
@@ -116,6 +116,8 @@ def replay(
         sigmas = car.sigmas if known and car and car.started else (math.nan,) * 3
         added = {"t_s": epoch.t_s, "has_fix": epoch.fix is not None, "sigmas": sigmas}
         rows.append(row | added)
+        lost = device.last.accepted and epoch.t_s - device._t_fix > device.last.bridged_s
+        held += bool(lost and row["moving"] and device.ned)
         unexplained.append(beyond_gnss(device.attitude) if known else 0.0)
         if smooth and car and car.started and device.ned and [*device.ned[:2]] == car.antenna:
             attitude = [[*axis] for axis in car.C_nb]
@@ -126,7 +128,7 @@ def replay(
         raise WrongUsage(f"nothing to replay: {short if timeline.imu else neither}")
     _look_back(marks)
     columns = _columns(timeline.gnss, rows)
-    remarks = tuple(_remarks(timeline, options, columns, devices, unexplained, lag, moves))
+    remarks = tuple(_remarks(timeline, options, columns, devices, unexplained, held, lag, moves))
     table = pd.DataFrame(straights, columns=Straight._fields)
     turned_by = ["printed", "alone", "sigma", "mount"]
     table[turned_by] = np.degrees(table[turned_by].astype(float))
@@ -358,7 +360,7 @@ def beyond_gnss(block):
     return max(0.0, math.hypot(*block._mean_external) - 2 * math.sqrt(block._vehicle or 0.0))
 
 
-def _remarks(timeline, options, columns, devices, unexplained, lag, moves):
+def _remarks(timeline, options, columns, devices, unexplained, held, lag, moves):
     """Yield a code and numbers for what could not run in full, and for what looks wrong."""
     imu, gnss, t = timeline.imu, timeline.gnss, columns["t_s"]
     if imu is None:
@@ -393,9 +395,8 @@ def _remarks(timeline, options, columns, devices, unexplained, lag, moves):
         if not np.isfinite(gnss.speed_m_s).any():
             yield "no_speed", {}
     device = devices[-1]
-    bridged = device.last.bridged_s
-    if held := _held(columns, bridged, timeline.restarts_s):
-        yield "held", {"epochs": held, "bridged": bridged}
+    if held:
+        yield "held", {"epochs": held, "bridged": device.last.bridged_s}
     from_s, stood_s = _stood(columns, gnss.speed_m_s)
     if imu is not None and stood_s > LOST_S:
         yield "stood", {"stood": stood_s, "since": from_s}
@@ -405,15 +406,6 @@ def _remarks(timeline, options, columns, devices, unexplained, lag, moves):
     distance = math.hypot(*device.ned[:2]) if device.ned else 0.0
     if distance > FRAME_M:
         yield "far", {"distance": distance / 1000}
-
-
-def _held(columns, bridged, restarts_s):
-    """Count the epochs in motion at which an outage has lasted for too long to be bridged."""
-    t, accepted = columns["t_s"], columns["accepted"].astype(bool)
-    last = np.maximum.accumulate(np.where(accepted, t, -np.inf))
-    on = np.array([-np.inf, *restarts_s])[np.searchsorted(restarts_s, t, side="right")]
-    late = np.isfinite(last) & (last >= on) & (t - last > bridged) & (columns["moving"] == 1)
-    return int((late & np.isfinite(columns["out_lat_deg"])).sum())
 
 
 def _stood(columns, speed):

@@ -97,11 +97,6 @@ def _operator(kind, operate, *, swapped=False):
     return method
 
 
-def _free(operate):
-    """Make an operator of one `Counted`, which costs nothing."""
-    return lambda self: Counted(operate(self.value), self.tally)
-
-
 def _comparing(operate):
     """Make a comparison of two, which costs nothing either."""
     return lambda self, other: operate(self.value, float(other))
@@ -133,7 +128,10 @@ class Counted:
     __lt__, __le__ = _comparing(operator.lt), _comparing(operator.le)
     __gt__, __ge__ = _comparing(operator.gt), _comparing(operator.ge)
     __eq__ = _comparing(operator.eq)
-    __neg__, __abs__, __round__ = _free(operator.neg), _free(abs), _free(round)
+
+    def __neg__(self):
+        """Change the sign, which costs nothing."""
+        return Counted(-self.value, self.tally)
 
     def __pow__(self, exponent):
         """Square, by a product; the blocks take no other power."""
