@@ -763,6 +763,9 @@ def test_spells_of_disagreement_by_their_rules(ab, ac, bc, who, spells):
             assert all(("others agree" in e.note) == (e.unit in "abc") for e in found)
     four = [Apart(*k, "yaw", t, 9 * (k < ("a", "d")) + 0 * t, 1.0) for k in combinations("abcd", 2)]
     assert disagreements(four)[0].unit == "a and b and c"  # d agrees with all
+    loose = Apart("a", "c", "position", t, 5.0 + 0 * t, 2.0)  # 5 m are usual enough
+    (one,) = disagreements([loose, Apart("a", "b", "position", t, 3.0 * (t == 7), 0.1)])
+    assert (one.unit, one.size) == ("a and b", 3.0) and "of a and b is up to 3 m" in one.note
 
 
 def test_a_page_lists_the_largest_of_each_kind():

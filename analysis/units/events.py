@@ -230,14 +230,14 @@ def disagreements(pairs: Sequence[Apart]) -> list[Event]:
 
 def _spell(pairs, kind, start, stop) -> Event:
     """Say which units differ in a spell, and by how much."""
-    inside = [(p.t_s >= start) & (p.t_s <= stop) for p in pairs]
-    sizes = [p.size[at].max(initial=0.0) for p, at in zip(pairs, inside, strict=True)]
-    pair, size = pairs[int(np.argmax(sizes))], float(max(sizes))
-    apart = [
-        {p.a, p.b}
-        for p, at in zip(pairs, inside, strict=True)
-        if 2 * p.far[at].sum() > at.sum()  # for most of the spell
-    ] or [{pair.a, pair.b}]
+    inside = [(p, (p.t_s >= start) & (p.t_s <= stop)) for p in pairs]
+    ranks = [  # too far for most of it, too far at all, size
+        (2 * p.far[at].sum() > at.sum(), p.far[at].any(), float(p.size[at].max(initial=0.0)))
+        for p, at in inside
+    ]
+    pair, (*_, size) = max(zip(pairs, ranks, strict=True), key=lambda of: of[1])
+    apart = [{p.a, p.b} for p, (most, *_) in zip(pairs, ranks, strict=True) if most]
+    apart = apart or [{pair.a, pair.b}]
     units = {name for p in pairs for name in (p.a, p.b)}
     off, why = set.intersection(*apart), "; the others agree with each other"
     if len(off) != 1 or len(apart) < len(units) - 1:
