@@ -76,12 +76,12 @@ def test_each_code_has_its_sentence():
 @pytest.mark.parametrize(("n", "b", "answer", "words"), [
     (0.004, 0.001, "yes", "within on every axis"),
     (0.01, 0.001, "no", "above it (2 times) on every axis"),
-    (0.005, 0.001, "open", "not decided on every axis"),
-    (0.004, 0.0017, "open", "°/h: not decided on every axis"),
+    (0.005, 0.001, "open", "undecided on every axis"),
+    (0.004, 0.0017, "open", "°/h: undecided on every axis"),
     (0.004, 0.01, "no", "even as the floor itself (5.2 times) on every axis")])  # fmt: skip
 def test_held_against_a_data_sheet(n, b, answer, words):
     """Analytic: intervals of ±10 % below, above and across the stated N and B; a B that is above
-    only as floor / 0.664, and not as the floor that most sheets state, is not decided.
+    only as floor / 0.664, and not as the floor that most sheets state, is undecided.
     """
     found = verdict.within_datasheet(measured(n, b), SHEET, NAMED)
     assert found.answer == answer and words in sentences(*found.why)
@@ -120,7 +120,7 @@ def test_a_sheet_without_a_random_walk_of_the_accelerometer():
     sheet = ATLAS[(ATLAS["sensor"] == "adis16470") & (ATLAS["basis"] == "datasheet")]
     found = verdict.within_datasheet(static_logs.read("adis16405"), sheet, NAMED)
     words = "accelerometer N: not in the list; accelerometer B, stated 13 µg"
-    assert words in sentences(*found.why)
+    assert words in sentences(*found.why) and "Features on the first page" in sentences(*found.why)
 
 
 def test_a_short_log(tmp_path, no_pictures):

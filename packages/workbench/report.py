@@ -125,9 +125,7 @@ def _draw(result, folder, atlas):
         "15 s of data; Allan deviation as recorded with its 95 % band, without the straight"
         " line, and the fitted model with N, B and K; whole log; autocorrelation."
     )
-    every = (
-        "Allan deviation of every channel as recorded with its 95 % band; fitted models, N, B, K."
-    )
+    every = "Allan deviation of each channel as recorded, 95 % band; fitted models, N, B and K."
     placed = "N against B: data sheets, measured sensors, and this log with its 95 % intervals."
     jobs = [(c.name, four, plots.four_panels, c, f"{title}: {c.name}") for c in result.channels]
     jobs.append((ALL_CHANNELS, every, plots.allan_panels, result.channels, title))

@@ -246,7 +246,9 @@ def within_datasheet(result, sheet, why):
             about["stated"] = Estimate(stated, None, None, channels[0].parameters[key].unit)
             said.append(Said("stated", about | {"groups": _in_groups(found)}))
     answer = "no" if "above" in outcomes else "yes" if set(outcomes) == {"within"} else "open"
-    return Answer(Said("within", {"part": sheet["name"].iloc[0]}), answer, [said, [why]])
+    part, source = sheet[["name", "source"]].iloc[0]
+    quoted = Said("quoted", {"source": source})
+    return Answer(Said("within", {"part": part}), answer, [said, [why], [quoted]])
 
 
 def _judge(estimate, stated, least):
