@@ -78,6 +78,8 @@ def test_each_code_has_its_sentence():
     (0.01, 0.001, "no", "above it (2 times) on every axis"),
     (0.005, 0.001, "open", "undecided on every axis"),
     (0.004, 0.0017, "open", "°/h: undecided on every axis"),
+    (0.02, 0.0023, "no", "°/h: undecided on every axis"),  # white noise at 1000 s explains it
+    (0.004, 0.0023, "no", "even as the floor itself (1.2 times) on every axis"),
     (0.004, 0.01, "no", "even as the floor itself (5.2 times) on every axis")])  # fmt: skip
 def test_held_against_a_data_sheet(n, b, answer, words):
     """Analytic: intervals of ±10 % below, above and across the stated N and B; a B that is above

@@ -229,7 +229,7 @@ def within_datasheet(result, sheet, why):
     """
     if sheet.empty:
         return Answer(Said("within"), "open", [[why]])
-    outcomes, said = [], []
+    outcomes, said, lasts = [], [], result.source["duration_s"]
     for kind in LEADING:
         if not (channels := [c for c in result.channels if c.kind == kind]):
             continue
@@ -240,8 +240,7 @@ def within_datasheet(result, sheet, why):
                 said.append(Said("not_stated", about))
                 continue
             stated = float(row[column].iloc[0]) / UNITS[kind][channels[0].unit]
-            floor = FLICKER if key == "bias_instability" else 1.0  # what most sheets call B
-            found = [(c.name, *_judge(c.parameters[key], stated, floor)) for c in channels]
+            found = [(c.name, *_judge(c, key, stated, lasts)) for c in channels]
             outcomes += [outcome for _, outcome, _ in found]
             about["stated"] = Estimate(stated, None, None, channels[0].parameters[key].unit)
             said.append(Said("stated", about | {"groups": _in_groups(found)}))
@@ -251,15 +250,20 @@ def within_datasheet(result, sheet, why):
     return Answer(Said("within", {"part": part}), answer, [said, [why], [quoted]])
 
 
-def _judge(estimate, stated, least):
+def _judge(channel, key, stated, lasts):
     """Hold an interval against a stated value: within, above or open; and value over stated.
 
-    A sheet that means something smaller by the name, `least` times ours, is exceeded if that is.
+    Most sheets call the floor itself B. It is exceeded by more than the white noise that averages
+    of a tenth of the log's length `lasts` (s) keep, and no floor is read later.
     """
-    if estimate.high is not None and estimate.high <= stated:
+    e, least, white = channel.parameters[key], 1.0, 0.0
+    if key == "bias_instability":
+        n = channel.parameters[LEADING[channel.kind][0]]
+        least, white = FLICKER, (n.high or 0.0) / math.sqrt(lasts / 10)
+    if e.high is not None and e.high <= stated:
         return "within", None
-    if estimate.low is not None and least * estimate.low > stated:
-        return "above", estimate.value and least * estimate.value / stated
+    if e.low is not None and least * e.low > math.hypot(stated, white):
+        return "above", e.value and least * e.value / stated
     return "open", None
 
 
@@ -267,11 +271,9 @@ def _in_groups(found):
     """Collect the axes of each outcome: outcome, their names and the ends of their ratios."""
     groups = []
     for outcome in ("within", "above", "open"):
-        of = {name: ratio for name, o, ratio in found if o == outcome}
-        ratios = [ratio for ratio in of.values() if ratio]
-        if of:
-            ends = [min(ratios), max(ratios)] if ratios else []
-            groups.append((outcome, _axes(of, found), ends))
+        if of := {name: ratio for name, o, ratio in found if o == outcome}:
+            ratios = sorted(ratio for ratio in of.values() if ratio)
+            groups.append((outcome, _axes(of, found), ratios[:1] + ratios[-1:]))
     return groups
 
 
@@ -288,8 +290,7 @@ def headline(within, enough):
     Said
     """
     part = within.question.numbers.get("part")
-    answer = within.answer if part else enough.answer
-    return Said("headline", {"answer": answer, "part": part})
+    return Said("headline", {"answer": (within if part else enough).answer, "part": part})
 
 
 # One table of all axes
