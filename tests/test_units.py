@@ -1162,7 +1162,7 @@ def test_what_is_constant_between_two_units():
 
     for *shift, scatter, said in (  # east, north and up
         (0, 0, 7.9, 0, None), (0, 0, 8.1, 0, "8.1 m above"), (0, 0, -8.1, 0, "8.1 m below"),
-        (0, 0, 11.5, 2, None), (0, 0, 12, 2, "(scatter 3.0 m): one counts from mean sea level"),
+        (0, 0, 11.5, 2, None), (0, 0, 12, 2, "(scatter 3.0 m): another datum rather than"),
         (0, 0, 109, 0, "mean sea level"), (0, 0, -111, 0, "more than any height of the geoid"),
         (12, -15.9, NAN, 0, None), (12, -16.1, NAN, 0, "b is -16 m north and +12 m east of a"),
         (0, 29, NAN, 5, None), (0, 30, NAN, 5, "(scatter 7 m): another horizontal datum"),
