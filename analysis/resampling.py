@@ -116,8 +116,9 @@ def ratio_of_spreads(
     rng : numpy.random.Generator
     """
     note = _too_few(min(len(x), len(y)), block)
-    ends = interval(np.divide(*(_statistics(_draws(v, block, rng))[1] for v in (x, y)))).tolist()
-    return Estimate(float(np.std(x) / np.std(y)), *((None, None) if note else ends), note=note)
+    low, high = interval(np.divide(*(_statistics(_draws(v, block, rng))[1] for v in (x, y))))
+    ends = (None, None) if note else (float(low), float(high))
+    return Estimate(float(np.std(x) / np.std(y)), ends[0], ends[1], note=note)
 
 
 def _too_few(n, block):

@@ -80,7 +80,7 @@ class MapError:
                 f"the error of a map needs two laps of {2 * LAGS[-1]} m or more that are not in "
                 f"it; there are {len(series)}"
             )
-        apart, gamma = np.mean([[_pairs(*of, k) for k in LAGS] for of in series], axis=0).T
+        apart, gamma = np.mean([[_pairs(s, of, k) for k in LAGS] for s, of in series], axis=0).T
         start = 0.5 * gamma[-1] ** 0.5, 2.0, 0.8 * gamma[-1] ** 0.5, 50.0
         bounds = [0, 0.1, 0, 5], [np.inf, 5, np.inf, 500]
         found, _ = curve_fit(_semivariogram, apart, gamma, start, sigma=gamma, bounds=bounds)
