@@ -7,6 +7,7 @@ import signal
 import sys
 import threading
 
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt(3)
 STARTED = os.getpid()
 
 
@@ -23,13 +24,14 @@ def stop(*_):
     raise KeyboardInterrupt
 
 
-# Channels and cells are the threads; joblib's process that removes locks says so when stopped.
-os.environ |= {"OMP_NUM_THREADS": "1", "PYTHONWARNINGS": "ignore:resource_tracker"} | os.environ
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # channels and cells are the threads
+# Of a study that is stopped, joblib's process that removes locks warns.
+os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
 os.environ.pop("MPLBACKEND", None)  # figures go into files, and matplotlib refuses an unknown one
 with contextlib.suppress(AttributeError, TypeError, OSError):  # other systems have no mallopt
     # A long log fills the memory: freed arrays of 4 MB or more go back to the system at once.
-    ctypes.CDLL(None).mallopt(-3, 4 << 20)  # M_MMAP_THRESHOLD of mallopt(3)
-    ctypes.CDLL(None).mallopt(-1, 16 << 20)  # M_TRIM_THRESHOLD
+    ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, 4 << 20)
+    ctypes.CDLL(None).mallopt(M_TRIM_THRESHOLD, 16 << 20)
 for stream in filter(None, (sys.stdout, sys.stderr)):  # none where it is closed
     stream.reconfigure(errors="replace")  # a terminal without Greek letters ends no run
 try:
@@ -42,7 +44,8 @@ try:
 except KeyboardInterrupt:  # while a library was loaded
     status = 130
 except ModuleNotFoundError as error:
-    print(error.name, "is not installed: make install, then . .venv/bin/activate", file=sys.stderr)
+    install = "make install, then . .venv/bin/activate"
+    print(f"{error.name} is not installed: {install}", file=sys.stderr)
     status = 2
 if status == 130:
     sys.stdout.flush()

@@ -253,7 +253,7 @@ def verdicts() -> pd.DataFrame:
     return table
 
 
-def judge(value, low, high, agree_low, agree_high, unit="1", *, exact=True):
+def judge(value, low, high, agree_low, agree_high, unit="1"):
     """Compare a value and its 95 % interval with the range that counts as agreement.
 
     Parameters
@@ -264,15 +264,11 @@ def judge(value, low, high, agree_low, agree_high, unit="1", *, exact=True):
         NaN where the claim is unbounded on that side.
     unit : str
         In which an open interval is told.
-    exact : bool
-        Whether a value without interval is known exactly, not unbounded on both sides.
 
     Returns
     -------
     str
     """
-    if exact and value is not None and low is None and high is None:
-        low = high = value
     bottom, top = (-math.inf if low is None else low), (math.inf if high is None else high)
     if top < agree_low or bottom > agree_high:  # false of a bound that is NaN, as everywhere here
         return NOT_REPRODUCED
@@ -551,9 +547,11 @@ def _verdict(row, found):
     if isinstance(found, np.ndarray):
         logs = found.astype(bool if row["unit"] == YES_OR_NO else float)
         return judge_logs(logs, row["low"], row["high"])
-    ends = (found.value, found.low, found.high) if isinstance(found, Estimate) else found
+    is_estimate = isinstance(found, Estimate)
+    ends = (found.value, found.low, found.high) if is_estimate else found
     ends = [None if x is None or x != x else float(x) for x in ends]
-    return judge(*ends, *row[["low", "high", "unit"]], exact=type(found) is not Estimate), ends
+    exact = not is_estimate and ends[1:] == [None, None]  # an Estimate is then open on both sides
+    return judge(*(ends[:1] * 3 if exact else ends), *row[["low", "high", "unit"]]), ends
 
 
 def _rounded(unit, *ends):

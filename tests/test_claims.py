@@ -38,10 +38,10 @@ def elsewhere(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(("found", "agree", "verdict"), [
     # value within, and its interval too
-    ((1.5, None, None), (1, 2), REPRODUCED), ((1.5, 1.2, 1.8), (1, 2), REPRODUCED),
-    ((1.0, None, None), (1, 2), REPRODUCED), ((0.0, None, None), (-1, 0), REPRODUCED),
+    ((1.5, 1.5, 1.5), (1, 2), REPRODUCED), ((1.5, 1.2, 1.8), (1, 2), REPRODUCED),
+    ((1.0, 1.0, 1.0), (1, 2), REPRODUCED), ((0.0, 0.0, 0.0), (-1, 0), REPRODUCED),
     # value outside: the interval decides
-    ((3.0, None, None), (1, 2), NOT_REPRODUCED), ((3.0, 2.5, 3.5), (1, 2), NOT_REPRODUCED),
+    ((3.0, 3.0, 3.0), (1, 2), NOT_REPRODUCED), ((3.0, 2.5, 3.5), (1, 2), NOT_REPRODUCED),
     ((3.0, 1.9, 3.5), (1, 2), UNDECIDABLE),
     # an interval open on one side reaches everywhere on that side, and stops on the other
     ((3.0, None, 3.5), (1, 2), UNDECIDABLE), ((3.0, 2.5, None), (1, 2), NOT_REPRODUCED),
@@ -49,10 +49,10 @@ def elsewhere(tmp_path, monkeypatch):
     ((None, None, None), (1, 2), UNDECIDABLE), ((None, 2.5, None), (1, 2), NOT_REPRODUCED),
     ((None, 1.2, None), (1, 2), UNDECIDABLE), ((None, 1.2, 1.8), (1, 2), UNDECIDABLE),
     # a claim with one side only
-    ((-9.0, None, None), (OPEN, 2), REPRODUCED), ((3.0, None, None), (OPEN, 2), NOT_REPRODUCED),
+    ((-9.0, -9.0, -9.0), (OPEN, 2), REPRODUCED), ((3.0, 3.0, 3.0), (OPEN, 2), NOT_REPRODUCED),
     ((None, 5.0, None), (OPEN, 2), NOT_REPRODUCED), ((None, 5.0, None), (1, OPEN), UNDECIDABLE),
     # a sentence that is true or not
-    ((1.0, None, None), (1, 1), REPRODUCED), ((0.0, None, None), (1, 1), NOT_REPRODUCED),
+    ((1.0, 1.0, 1.0), (1, 1), REPRODUCED), ((0.0, 0.0, 0.0), (1, 1), NOT_REPRODUCED),
 ])  # fmt: skip
 def test_judge(found, agree, verdict):
     """Property: the truth table of a value with its interval against the range that agrees.

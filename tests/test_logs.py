@@ -410,7 +410,7 @@ WHOLE = "\n".join([HEADER, *lines()]).encode()
 NO_LOGS = {
     "empty": (b"", ("empty", "line 1")), "blank": (b"\n\n \n", ("empty", "line 1")),
     "comment": (b"# only a comment\n", ("no data", "line 1")),
-    "one line": (b"1," * 60_000, ("line 1", "too long")),
+    "one line": (b"1," * 60_000, ("line 1", "100,000 characters")),
     "binary": (bytes(range(256)) * 8, ("line 1", "binary")),
     "picture": (b"\x89PNG\r\n\x1a\n" + b"\x00" * 99, ("line 2", "binary")),
     "zeros at the end": (WHOLE + b"\n" + b"\0" * 999, ("line 202", "damaged")),

@@ -316,7 +316,8 @@ def _walk(rng, *, imu_rate=4.0, wait=120.0):
     lap = [(114.0, 0.0), turn, (64.0, 0.0), turn, (114.0, 0.0), turn, (64.0, 0.0), turn]
     path = _ride(lap, 1.3, 1.1, imu_rate, wait=wait, course=np.radians(70.0))
     t = np.arange(0, len(path[0]), round(imu_rate)) / imu_rate
-    pdop = np.where(t < 40.0, 99.99, ASSUMED["C"][2] + 47.5 * np.exp(-(t - 40.0) / 15.0))
+    fix = 40.0  # s, the first
+    pdop = np.where(t < fix, 99.99, ASSUMED["C"][2] + 47.5 * np.exp(-(t - fix) / 15.0))
     return path, imu_rate, pdop, {"tilt": (-50.0, 20.0), "mount_deg": 140.0, "swing_deg": 6.0}
 
 

@@ -31,7 +31,7 @@ HEAD_LINES = 50
 MISSING = {"", *NAMES["cells"]["missing"].split()}
 COMPACT = NAMES["cells"]["compact"]
 CLOCK = re.compile(NAMES["cells"]["clock"] + "|" + COMPACT)
-_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb": "utf-8-sig"}  # of byte order
+_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}  # byte order
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _NEWLINE = re.compile(r"\r\n|\n|\r")
 _COMMENT = re.compile(r"\s*([#%](?!(N/A|[A-Z/0]+[!?])\s*[,;\t|])|//)")  # a line, not of #DIV/0!
@@ -139,7 +139,7 @@ def _head(path: Path) -> tuple[list[str], str]:
         more = bool(handle.read(1))
     if not head.strip():
         raise CannotAnswer(f"{path.name}: the file is empty: there is no line 1")
-    encoding = _MARKS.get(head[:2], "utf-8")
+    encoding = next((of for mark, of in _MARKS.items() if head.startswith(mark)), "utf-8")
     if encoding != "utf-16" and (binary := _CONTROL.search(head)):
         line = len(_NEWLINE.split(head[: binary.start()].decode("latin-1")))
         raise (CannotAnswer if line > FEWEST_LINES else WrongUsage)(
@@ -152,7 +152,8 @@ def _head(path: Path) -> tuple[list[str], str]:
         encoding, text = "cp1252", head.decode("cp1252", errors="replace")
     lines = _NEWLINE.split(text)
     if long := [k for k, line in enumerate(lines, 1) if len(line) > LONGEST_LINE]:
-        raise CannotAnswer(f"{path.name}, line {long[0]}: too long; a line of a log is one sample")
+        said = f"more than {LONGEST_LINE:,} characters: export it as CSV, a sample a line"
+        raise CannotAnswer(f"{path.name}, line {long[0]}: {said}")
     return (lines[:-1] if more and len(lines) > 1 else lines), encoding
 
 
