@@ -110,17 +110,15 @@ def pairs(table):
     -------
     DataFrame
         sensor, kind, pieces, parameter, log, channel, part_a, part_b, z, named (what is reported
-        for either part, or for the whole log).
+        for either part).
     """
     found, of_channel = [], [*PAIR, "log", "channel"]
     table = table.assign(named=table["named"].fillna(""))
-    whole = table[table["pieces"] == 1].set_index(["log", "channel", "parameter"])["named"]
     given = table[(table["pieces"] > 1) & table["value"].notna()]
     for key, group in given.groupby(of_channel, sort=False):
         about = dict(zip(of_channel, key, strict=True))
-        of_whole = whole.get((about["log"], about["channel"], about["parameter"]), "")
         for a, b in combinations(group.itertuples(), 2):
-            names = set(";".join([a.named, b.named, of_whole]).split(";")) - {""}
+            names = {*a.named.split(";"), *b.named.split(";")} - {""}
             pair = {"part_a": a.part, "part_b": b.part, "z": z_score(a, b, about["parameter"])}
             found.append(about | pair | {"named": ";".join(sorted(names))})
     return pd.DataFrame(found, columns=[*of_channel, "part_a", "part_b", "z", "named"])
@@ -142,10 +140,8 @@ def summary(table, pairs, *, draws=DRAWS, seed=SEED):
     -------
     DataFrame
         sensor, kind, pieces, parameter; channels, resolved (share of the parts), pairs, within
-        (share of the pairs with |z| < 1.96), low, high (its 95 % interval, channels drawn); named
-        and named_within, the shares of the other pairs and of these for which something is
-        reported: a report that is as frequent in pairs that agree explains nothing; within_later,
-        the share of the pairs without the first part, in which a sensor may settle.
+        (share of the pairs with |z| < 1.96), low, high (its 95 % interval, channels drawn);
+        within_later, the share of the pairs without the first part, in which a sensor may settle.
     """
     rng, rows = np.random.default_rng(seed), []
     groups = dict(list(pairs.groupby(PAIR, sort=False)))
@@ -154,15 +150,51 @@ def summary(table, pairs, *, draws=DRAWS, seed=SEED):
         about = {"channels": names.nunique(), "resolved": of_parts["value"].notna().mean()}
         row = dict(zip(PAIR, key, strict=True)) | about | {"pairs": 0}
         if key in groups:
-            off, named = groups[key]["z"].abs() >= WITHIN, groups[key]["named"] != ""
+            off = groups[key]["z"].abs() >= WITHIN
             row |= {"pairs": len(off), "within": 1 - off.mean()}
             of_channels = (~off).groupby([groups[key]["log"], groups[key]["channel"]])
             agreed, count = np.array([of_channels.sum(), of_channels.size()])
             drawn = resampling.drawn(len(count), draws, rng)
             shares = agreed[drawn].sum(axis=1) / count[drawn].sum(axis=1)
             row |= dict(zip(("low", "high"), resampling.interval(shares), strict=True))
-            row |= {"named": named[off].mean(), "named_within": named[~off].mean()}
             row |= {"within_later": (~off)[groups[key]["part_a"] > 0].mean()}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def warnings(pairs, *, draws=DRAWS, seed=SEED):
+    """Tell how often each warning is given where segments disagree, and where they agree.
+
+    Pairs with it disagree so many times as often as pairs without it: Mantel and Haenszel's ratio,
+    for kinds and parameters differ in both. A warning that explains nothing has a ratio of 1.
+
+    Returns
+    -------
+    DataFrame
+        warning (``any``: at least one); pairs with it; off and within, the shares of the pairs that
+        disagree and of those that agree that have it; ratio, low, high (95 %, logs drawn:
+        what disturbs one channel mostly disturbs the others of its log).
+    """
+    off, rows = pairs["z"].abs() >= WITHIN, []
+    by = [pairs["log"], pairs["kind"] + pairs["parameter"]]
+    often = resampling.counts(by[0].nunique(), draws, np.random.default_rng(seed), few=True)
+    for warning in [*sorted(set(";".join(pairs["named"]).split(";")) - {""}), "any"]:
+        has = pairs["named"].str.contains("." if warning == "any" else warning)
+        tables = [
+            often @ pd.crosstab(*by, values=some, aggfunc="sum").fillna(0).to_numpy()
+            for some in (has, off & has, ~has, off & ~has)
+        ]
+        with_it, off_with, without, off_without = tables
+        both = np.maximum(with_it + without, 1)
+        more = (off_with * without / both).sum(axis=1)
+        less = (off_without * with_it / both).sum(axis=1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            # Where none of the drawn pairs disagrees nothing is known: as often.
+            share = np.nan_to_num(more / (more + less), nan=0.5)
+            ends = [at / (1 - at) for at in resampling.quantiles(share)]
+        shares = {"off": has[off].mean(), "within": has[~off].mean()}
+        row = {"warning": warning, "pairs": has.sum()} | shares
+        row |= dict(zip(("ratio", "low", "high"), ends, strict=True))
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -214,7 +246,7 @@ def study(folder=FOLDER, **where):
     Parameters
     ----------
     folder : Path
-        Gets a table of the parts of each log, ``summary`` and ``wandering``.
+        Gets a table of the parts of each log, ``summary``, ``warnings`` and ``wandering``.
     **where
         As for `studies.cells.compute`.
     """
@@ -227,5 +259,7 @@ def study(folder=FOLDER, **where):
     cells = {n: Cell(parts, [n], about={"sensor": LOGS[n], "log": n}) for n in LOGS}
     tabulate(folder, source, cells, **where)
     table = pd.concat([pd.read_csv(folder / f"{name}.csv") for name in LOGS])
-    tables = {"summary": summary(table, pairs(table)), "wandering": wandering()}
+    compared = pairs(table)
+    tables = {"summary": summary(table, compared), "warnings": warnings(compared)}
+    tables["wandering"] = wandering()
     store.write(folder, source, {k: store.rounded(t, DIGITS) for k, t in tables.items()})

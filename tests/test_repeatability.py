@@ -50,7 +50,18 @@ def test_interval_of_a_share_is_of_channels():
     """property: one bad channel of three widens the interval, however many pairs it has."""
     table = parts_of(np.array([[1.0] * 8, [1.0] * 8, [1.0, 9.0] * 4]), 0.1, named="step")
     (row,) = repeatability.summary(table, repeatability.pairs(table)).to_dict("records")
-    assert row["low"] < 0.6 and row["high"] == 1.0 and row["named"] == 1.0
+    assert row["low"] < 0.6 and row["high"] == 1.0
+
+
+def test_ratio_of_a_warning():
+    """property: one of the channels that disagree explains them, one given by chance does not."""
+    rng = np.random.default_rng(0)
+    table = parts_of(rng.standard_normal((200, 4)) * np.tile([[0.1], [1.0]], (100, 4)), 1.0)
+    of_the_worse, by_chance = table["channel"].str[1:].astype(int) % 2 == 1, rng.random(800) < 0.5
+    for given, low, high in ((of_the_worse, 1e9, np.inf), (by_chance, 0.8, 1.25)):
+        table["named"] = np.where(given, "step", "")
+        step, any_one = repeatability.warnings(repeatability.pairs(table)).itertuples(index=False)
+        assert low <= step.ratio <= high and step[1:] == any_one[1:]
 
 
 def test_parts_of_a_real_log_again():
@@ -69,9 +80,14 @@ def test_stored_summary_is_that_of_the_parts():
     """cross-check: pairs and shares computed now from the stored parts equal the stored summary."""
     tables = store.read("repeatability").tables
     parts = pd.concat([tables[name] for name in repeatability.LOGS])
-    now = repeatability.summary(parts, repeatability.pairs(parts))
-    for column in ("resolved", "pairs", "within", "low", "high", "named", "named_within"):
-        np.testing.assert_allclose(now[column], tables["summary"][column], rtol=store.TOLERANCE)
+    compared = repeatability.pairs(parts)
+    found = {
+        "summary": repeatability.summary(parts, compared),
+        "warnings": repeatability.warnings(compared),
+    }
+    for name, now in found.items():
+        numbers = now.select_dtypes("number")
+        np.testing.assert_allclose(numbers, tables[name][numbers.columns], rtol=store.TOLERANCE)
 
 
 def test_allan_curves_of_one_log_again(monkeypatch):
