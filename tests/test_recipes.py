@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from analysis.noise import recipes
 from analysis.noise.allan import AllanCurve
 from analysis.noise.models import FLICKER, UnifiedModel, adev_flicker, adev_gauss_markov, adev_model
 from analysis.noise.recipes import TerrainRecipe, comparison_recipe, five_coefficients, slow_top
@@ -87,19 +86,12 @@ def test_the_slow_part_begins_at_twice_the_line_of_white_noise():
     assert slow_top(y, dt, 0.01) == pytest.approx((dt, np.sqrt(2) * a), rel=1e-3)
 
 
-def test_averages_keep_seven_tenths_of_a_sinusoid():
-    """analytic: means of m neighbours have the lag-1 autocorrelation cos(m x), to 1 / n."""
-    k = np.arange(20_000)
-    for kept, expected in ((0.71, 1), (0.69, 7)):  # 7 x is 0.62 short of a turn, 6 x 1.43
-        assert recipes.window_for(np.cos(np.arccos(kept) * k)) == expected
-    assert recipes.window_for((-1.0) ** k[:200]) is None
-
-
 def test_recipe_follows_the_paper():
-    """published: section III on a long log with little white noise gives tau within 20 %."""
-    y = UnifiedModel(0.01, 164.0, 0.046).simulate(200_000, 0.5, np.random.default_rng(3))
+    """published: section III on a long log gives tau within 20 %, though white noise is larger."""
+    y = UnifiedModel(0.1, 164.0, 0.046).simulate(200_000, 0.5, np.random.default_rng(3))
     found = comparison_recipe(y - y.mean(), 0.5)
-    # 600 correlation times: the reading scatters by some 8 %; the peak keeps some white noise.
+    # 600 correlation times: the reading scatters by some 8 %. Averages that keep seven tenths of
+    # their correlation gave 0.64 of it: three tenths of the peak were white noise.
     assert found["corr_time"] == pytest.approx(164.0, rel=0.2)
     assert found["sigma_b"] == pytest.approx(0.046, rel=0.15)
     twice = comparison_recipe(y - y.mean(), 1.0)["corr_time"]  # the same readings, half as often

@@ -23,7 +23,7 @@ from analysis.noise.autocorrelation import autocovariance, block_means, correlog
 from analysis.noise.models import UnifiedModel, adev_model
 
 SHORT = 15.0  # s, the paper's short stretch
-KEPT = 0.7  # lag-1 autocorrelation at which averaging has left little white noise
+KEPT = 0.7  # least lag-1 autocorrelation of averages in which a slow bias shows
 WHITE = 2.0  # the slow part begins where the curve stands this far above the line of slope -1/2
 READ_AT = 1.0  # s, where N is read, as IEEE 952 does
 COARSE = 10.0  # s, averages used for the slow part
@@ -135,19 +135,19 @@ class TerrainRecipe:
 
 
 def window_for(residual):
-    """Smallest averaging window (samples) at which slow bias outweighs white noise, or None.
+    """Averaging window (samples) that leaves the least white noise beside the slow bias, or None.
 
     Returns
     -------
     int or None
-        With it the averaged log keeps a lag-1 autocorrelation of at least 0.7.
+        With it the averaged log has its largest lag-1 autocorrelation, of at least 0.7.
     """
-    n = len(residual)
+    n, window, kept = len(residual), None, KEPT
     for m in np.unique(np.geomspace(1, max(n // FEWEST, 1), 40).round().astype(int)):
         c = autocovariance(block_means(residual, m), 1)
-        if c[0] > 0 and c[1] >= KEPT * c[0]:
-            return int(m)
-    return None
+        if c[1] > kept * c[0]:
+            window, kept = int(m), c[1] / c[0]
+    return window
 
 
 def five_coefficients(curve: AllanCurve) -> dict[str, float]:
