@@ -85,7 +85,7 @@ def turin():
     -------
     dict
     dict of pandas.DataFrame
-        ``reference`` and ``gnss``: t_s of the same clock, position; velocity and yaw of the
+        ``reference`` and ``gnss``: t_s of the same clock, position, own velocity; yaw of the
         reference.
     """
     files = "turin-ins/ref.mat", "turin-ins/ekinox_gnss.mat"
@@ -96,12 +96,10 @@ def turin():
         rows = slice(None, None, every)
         lat, lon = np.degrees(unit.lat[rows]), np.degrees(unit.lon[rows])
         table = {"t_s": np.round(unit.t[rows] - reference.t[0], 3)}
-        tables[name] = pd.DataFrame(table | _enu(lat, lon, unit.h[rows], origin, 2))
-    north, east, _ = reference.vel.T.round(3)
-    yaw = wrap(np.degrees(reference.yaw)).round(2)
-    tables["reference"] = tables["reference"].assign(
-        v_north_m_s=north, v_east_m_s=east, yaw_deg=yaw
-    )
+        north, east, _ = unit.vel[rows].T.round(3)
+        table |= _enu(lat, lon, unit.h[rows], origin, 2)
+        tables[name] = pd.DataFrame(table | {"v_north_m_s": north, "v_east_m_s": east})
+    tables["reference"]["yaw_deg"] = wrap(np.degrees(reference.yaw)).round(2)
     return _source("GNSS and a reference with attitude, Turin, 1259 s", *files), tables
 
 

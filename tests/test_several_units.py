@@ -63,15 +63,16 @@ def test_aircraft_integrity_and_positions():
 
 def test_turin_positions_and_course():
     """Published: GNSS less reference p50 1.1, p95 2.9 m; course less yaw 1.2 deg (SD)."""
-    tracks = units.tracks(store.read("turin").tables)
-    gnss, reference = tracks["gnss"], tracks["reference"]
-    found = trajectory_metrics(differences(reference, gnss))
+    tables = store.read("turin").tables
+    gnss, tracks = tables["gnss"], units.tracks(tables)
+    found = trajectory_metrics(differences(tracks["reference"], tracks["gnss"]))
     assert found["p50_m"].value == pytest.approx(1.1, abs=0.1)
     assert found["p95_m"].value == pytest.approx(2.9, abs=0.4)  # stops count once here
-    whole = np.unwrap(reference.attitude[:, 2], period=360)
-    yaw = np.interp(gnss.t_s, reference.attitude_t_s, whole)
-    apart = wrap(np.degrees(np.arctan2(*gnss.velocity.T)) - yaw)[gnss.speed > 3]
-    assert np.percentile(np.abs(apart - np.median(apart)), 68) < 1.5  # velocity by differences
+    whole = np.unwrap(tables["reference"]["yaw_deg"], period=360)
+    yaw = np.interp(gnss["t_s"], tables["reference"]["t_s"], whole)
+    east, north = gnss["v_east_m_s"], gnss["v_north_m_s"]
+    apart = wrap(np.degrees(np.arctan2(east, north)) - yaw)[np.hypot(east, north) > 3]
+    assert apart.std() == pytest.approx(1.2, abs=0.1)
 
 
 def minutes(track, start, lasts=60):
