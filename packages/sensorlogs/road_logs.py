@@ -20,7 +20,7 @@ DRIVE = ("GPS_Time", "velMagnitude", "xEast", "yNorth", "altitude")
 POSITION = ["east_m", "north_m", "height_m"]
 RATE_HZ = 10
 SPARSE = 20  # span in steps of 0.1 s over epochs, beyond which the file is not one lap
-CLOCK_WINDOW = 10.0  # s over which the offset of the computer's clock is constant
+CLOCK_ROWS = 25  # of the encoders, over which the offset of the computer's clock is constant
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class RtkLap:
         Front, left rear, right rear: east and north of the origin, height above mean sea level,
         m; NaN where the receiver wrote no epoch or was not RTK fixed.
     wheel_t_s : ndarray, shape (m,)
-        GPS time of the encoder counts: the computer's clock, set by the receivers' stamps.
+        GPS time of the encoder counts: their own clock, set by the receivers' stamps.
     wheel_counts : ndarray, shape (m,)
         Mean of both rear wheels, forward positive.
     """
@@ -65,29 +65,31 @@ def lap(path: Path, origin: tuple[float, float]) -> RtkLap:
         raw = file.get("rawData", {})
         receivers = [_receiver(raw, name, path, origin) for name in ANTENNAS]
         wheel_t, left, right = _columns(raw, "Encoder_Raw", "wheel encoder", WHEELS, path)
-    epochs = pd.concat(receivers)
-    longest = max(map(len, receivers))
+    epochs = pd.concat(receivers, keys=range(len(ANTENNAS)))
     first = epochs["tick"].min()
     n = epochs["tick"].max() - first + 1
-    if n > SPARSE * longest:
+    if n > SPARSE * (longest := max(map(len, receivers))):
         raise CannotAnswer(
             f"{path.name}: the antennas' GPS times span {n / RATE_HZ / 3600:.1f} h for "
             f"{longest} epochs; cut out one lap"
         )
     antennas = np.full((3, n, 3), np.nan)
-    for xyz, receiver in zip(antennas, receivers, strict=True):
-        xyz[receiver["tick"] - first] = receiver[POSITION]
+    antennas[epochs.index.get_level_values(0), epochs["tick"] - first] = epochs[POSITION]
     counted = np.isfinite(wheel_t + left + right) & (left != 0) & (right != 0)
     if counted.sum() < 2:
         raise CannotAnswer(f"{path.name}: the wheel encoders counted nothing")
-    # The encoders have only the computer's stamps; its clock drifts by 0.2 s within a lap.
-    block = (epochs["computer_s"] // CLOCK_WINDOW).astype(int)
-    clock = epochs[["computer_s", "late_s"]].groupby(block).median()
-    late = np.interp(wheel_t[counted], clock["computer_s"], clock["late_s"])
+    # The encoders have only the computer's stamps; its clock drifts by 0.2 s within a lap. Their
+    # even steps tell how. A receiver's message may wait 0.1 s, so the median of all sets the time.
+    stamps, row = wheel_t[counted], np.flatnonzero(counted)
+    step = max(np.round(np.median(np.diff(stamps)), 3), 0.001)
+    clock = pd.DataFrame({"computer_s": stamps, "drift_s": stamps - step * row})
+    clock = clock.groupby(row // CLOCK_ROWS).median()
+    clock["drift_s"] = np.unwrap(clock["drift_s"], period=step)  # a lost message is no drift
+    then, drift = (np.interp(t, *clock.to_numpy().T) for t in (epochs["computer_s"], stamps))
     return RtkLap(
         t_s=np.arange(n) / RATE_HZ,
         antennas=antennas,
-        wheel_t_s=wheel_t[counted] - late - first / RATE_HZ,
+        wheel_t_s=stamps - drift - np.nanmedian(epochs["late_s"] - then) - first / RATE_HZ,
         wheel_counts=(right - left)[counted] / 2,  # the left one counts backward
     )
 
@@ -106,8 +108,7 @@ def _receiver(raw, name, path, origin):
         )
     east, north, _ = pymap3d.geodetic2enu(lat, lon, altitude + separation, *origin, 0.0)
     # The tangent plane departs from mean sea level by 7 mm in 300 m: heights are those of GGA.
-    frame = pd.DataFrame(np.column_stack([east, north, altitude]), columns=POSITION)
-    frame[~fixed] = np.nan
+    frame = pd.DataFrame(np.where(fixed, [east, north, altitude], np.nan).T, columns=POSITION)
     frame = frame.assign(computer_s=computer, late_s=computer - gps)[good]
     frame["tick"] = np.round(gps[good] * RATE_HZ).astype(np.int64)
     backward = np.diff(frame["tick"]) <= 0
