@@ -167,8 +167,8 @@ def error_plane(
     ----------
     tracker : str
         ``bias states``, four states, or ``R tuned``, the paper's filter with its best R (both
-        inverse-design). With a `corr_time` ``integrated``, ``on attitude`` or ``bias states``: what
-        becomes of the noise, on an exact map.
+        inverse-design). With a `corr_time` ``integrated`` or ``on attitude``: what becomes of the
+        noise, on an exact map.
     corr_time : float, optional
         20, 60, 200, 600 or 2000 s, of the bias (error-surface). Else it is 200 s.
     start : {"stationary", "turn-on"}

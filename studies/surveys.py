@@ -1,6 +1,7 @@
 """Makes the roads and the sensors of data/derived, and what tracking on these roads gives."""
 
 from dataclasses import asdict, replace
+from itertools import product
 from operator import itemgetter
 
 import numpy as np
@@ -36,6 +37,7 @@ DIRECTION = "ccw"  # its map is the mean of four drives (notebook 20)
 N_AND_B = ["arw_deg_sqrt_s", "sigma_b_deg_s"]
 SEED = seed(2013)  # of the laps, which are the same for every sensor; as notebook 23
 PLANE_N, PLANE_B = np.geomspace(1e-4, 0.1, 13), np.geomspace(1e-5, 0.1, 17)  # deg/sqrt(s), deg/s
+SURFACE_NOISE = "integrated", "on attitude"
 SURFACE_T_C = (20.0, 60.0, 200.0, 600.0, 2000.0)  # s, correlation times of the bias
 SURFACE_RUNS, SURFACE_RESAMPLES = 200, 400
 SWEEP_LAPS, SWEEP_BLOCK, SWEEP_RESAMPLES = 12_000, 500, 200
@@ -147,7 +149,7 @@ def highway():
 
 
 def surface():
-    """Lay out the tracking error over N, B and T_c for three trackers.
+    """Lay out the tracking error over N, B and T_c, the noise integrated and put on the attitude.
 
     Returns
     -------
@@ -157,18 +159,14 @@ def surface():
         ``surface``, see `analysis.terrain_data.error_plane`.
     """
     sensors, found = {(n, b): Sensor(n, b) for b in PLANE_B for n in PLANE_N}, {}
-    trackers = {"integrated": {}, "on attitude": {"noise": "on attitude"}}
-    own = {"bias_states": True, "R": _variance_of_map()}
-    for tracker, changes in (trackers | {"bias states": own}).items():
-        for corr_time in SURFACE_T_C:
-            setup = Setup.reference(LAP_M, corr_time=corr_time, **changes).coarser(STEP_M)
-            laps = _laps(sensors, setup, SURFACE_RUNS, SEED)
-            drawn = laps.reaches(SURFACE_RESAMPLES, np.random.default_rng(SEED))
-            found[tracker, corr_time] = _errors(drawn, laps).assign(error_m=laps.reach())
+    for noise, corr_time in product(SURFACE_NOISE, SURFACE_T_C):
+        setup = Setup.reference(LAP_M, corr_time=corr_time, noise=noise).coarser(STEP_M)
+        laps = _laps(sensors, setup, SURFACE_RUNS, SEED)
+        drawn = laps.reaches(SURFACE_RESAMPLES, np.random.default_rng(SEED))
+        found[noise, corr_time] = _errors(drawn, laps).assign(error_m=laps.reach())
     surface = pd.concat(found, names=["tracker", "corr_time_s", *N_AND_B]).reset_index()
     source = {
-        "title": "Tracking error over N, B and T_c: noise integrated, put on the attitude, and"
-        " integrated with a state for the bias",
+        "title": "Tracking error over N, B and T_c: noise integrated, and put on the attitude",
         "seed": SEED,
         "runs": SURFACE_RUNS,
         "setup": Setup.reference(LAP_M).coarser(STEP_M).stated(),
@@ -181,11 +179,6 @@ def _laps(sensors, setup, runs, seed):
     road = terrain_data.profile(DIRECTION).attitude_map()
     how = {"store_every": setup.seconds / 100, "compiled": HAS_NUMBA and not setup.bias_states}
     return simulate_laps(road, sensors, setup, runs=runs, seed=seed, **how)
-
-
-def _variance_of_map():
-    """Mean square of the standard error of the map's pitch: R of a filter with bias states."""
-    return float((terrain_data.profile(DIRECTION).pitch_se_deg ** 2).mean())
 
 
 def _errors(drawn, laps):
@@ -294,7 +287,7 @@ def inverse_setup(tracker: str, start: str, on: str) -> Setup:
     """
     track, error = terrain_data.profile(DIRECTION), terrain_data.map_error()
     bias_states, laps = tracker == "bias states", float(track.laps.mean())
-    R = _variance_of_map() if bias_states else None
+    R = float((track.pitch_se_deg**2).mean()) if bias_states else None  # of the map
     setup = Setup(track.length_m, start=start, R=R, bias_states=bias_states).coarser(STEP_M)
     if on == "exact map":
         return setup

@@ -22,7 +22,6 @@ TRACKERS = {  # the others: of data/derived/error-surface
     FOUR_STATES: "map as good as real laps make it; the filter estimates gyro bias and map error",
     "integrated": "exact map; noise integrated into the attitude, as in a car",
     "on attitude": "exact map; noise put straight on the attitude, as the terrain paper words it",
-    "bias states": "exact map; noise integrated, the filter estimates the gyro's bias",
 }
 RATES = "kind == 'rate' and (basis == 'measured' or b == b)"  # gyros that have N and B
 OF_A_PART = (
