@@ -5,7 +5,6 @@ A maker takes no argument and returns the source (dict) and the tables (dict of 
 """
 
 import tempfile
-from functools import partial
 from pathlib import Path
 
 import sensorlogs as logs
@@ -27,10 +26,7 @@ MAKERS = {
     "tracker-stops": rides.stops,
     "tracker-outages": rides.outages,
     "tracker-vehicles": rides.vehicles,
-    "tracker-racebox": partial(rides.turned, "racebox"),
-    "tracker-car": partial(rides.turned, "car"),
-    "tracker-drive": partial(rides.turned, "phone-drive"),
-    "tracker-roof": partial(rides.turned, "car-roof"),
+    "tracker-turned": rides.turned,
     "parkway": several_units.parkway,
     "five-receivers": several_units.five_receivers,
     "turin": several_units.turin,

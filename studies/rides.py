@@ -31,6 +31,7 @@ NMEA_DRIVES = {
     "Switzerland": "car-genivi/20100403_Z205_Switzerland.txt.gz",
 }
 METRES_PER_PDOP = 5.0  # of a reported 68 % accuracy, where a phone gives no PDOP
+MPH = 0.44704  # m/s
 Z_UP_TO_DOWN = np.array([1.0, -1.0, -1.0])
 PARKED = (3744.0, 5009.0)  # s: the longest stationary period of the drive, 1265 s at a speed of 0
 STEP_DEG = 30.0  # between the known angles by which an IMU is turned
@@ -43,33 +44,15 @@ GENIVI = {  # the CSVs of such a log: name -> columns
 }
 SIMULATION, SIMULATED = "simulated", 12  # drives of scenario D
 WHEELS = "car-roof", "genivi-car", "car", "phone-drive"
+TURNED = "racebox", "car", "phone-drive", "car-roof"
 LOOK_BACK_S = 30.0  # s, of outages that are smoothed: the shortest ride holds one
 PIECES_S = 100.0, 180.0, 300.0  # s, of rides that tell how a vehicle moves
 DIGITS = 7  # of the numbers in the tables
 
 
-# Columns of the logs that `read_moving` does not know by name; a minus turns an axis to z down, or
-# gravity to specific force (Balzer's phone reads -9.8 face up).
-RACEBOX, BALZER, PHONE = (
-    dict(pair.split("=") for pair in pairs.split())
-    for pairs in (
-        "t_s=Time lat_deg=Latitude lon_deg=Longitude height_m=Altitude speed_mph=Speed"
-        " accel_x_g=GForceX accel_y_g=-GForceY accel_z_g=-GForceZ"
-        " gyro_x_deg_s=GyroX gyro_y_deg_s=-GyroY gyro_z_deg_s=-GyroZ",
-        "t_ms=millis lat_deg=latitude lon_deg=longitude speed_km_h=speed"
-        " accel_x_m_s2=-ax accel_y_m_s2=ay accel_z_m_s2=az"
-        " gyro_x_deg_s=rollrate gyro_y_deg_s=-pitchrate gyro_z_deg_s=-yawrate",
-        "speed_m_s=speed course_deg=bearing pdop=horizontalAccuracy"
-        " accel_x_m_s2=acc_x accel_y_m_s2=-acc_y accel_z_m_s2=-acc_z"
-        " gyro_x_rad_s=gyro_x gyro_y_rad_s=-gyro_y gyro_z_rad_s=-gyro_z",
-    )
-)
-
-
 class Ride(NamedTuple):
-    """One raw log: title, file in the registry, and the function that reads its table."""
+    """One raw log: its file in the registry, and the function that reads its table."""
 
-    title: str
     file: str
     reader: Callable
 
@@ -97,25 +80,29 @@ def read(name):
 
 
 def _racebox(path):
-    log = read_moving([path], columns=RACEBOX)
-    gnss = replace(log.gnss, course_deg=_course(log.gnss, 0.24))
+    raw = pd.read_csv(path)
+    t, place = raw["Time"].to_numpy(), raw[["Latitude", "Longitude", "Altitude"]]
+    course = _course(t, *place.to_numpy().T[:2], 0.24)
+    fixes = place.assign(pdop=np.nan, speed=MPH * raw["Speed"], course=course)
+    rows = _once_a_second(t)
+    accel = STANDARD_GRAVITY * _axes(raw, "GForceX GForceY GForceZ")
+    imu = Imu(t, np.radians(_axes(raw, "GyroX GyroY GyroZ")), accel)
     notes = (
         "course from positions 0.24 s before and after; axes turned to z down",
         "the speed is in mph: the positions move 1.6 times as fast as km/h would say",
     )
-    rows = _once_a_second(gnss.t_s)
-    return Gnss(**{name: of[rows] for name, of in vars(gnss).items()}), log.imu, notes
+    return _fixes(t[rows], fixes.iloc[rows]), imu, notes
 
 
 def _balzer(path):
     raw = pd.read_csv(path, low_memory=False)
     t = (raw["millis"] - raw["millis"][0]).to_numpy() / 1000
-    imu = replace(read_moving([path], columns=BALZER).imu, t_s=t)
     new = np.flatnonzero(np.diff(raw["time"], prepend=0))  # others repeat a fix
     rows = new[_once_a_second(t[new])]
     fixes = raw.loc[rows, ["latitude", "longitude", "altitude", "pdop", "speed", "course"]]
-    gnss = Gnss(t[rows], *fixes.to_numpy(float).T, np.full(len(rows), True))
-    gnss = replace(gnss, speed_m_s=KMH * gnss.speed_m_s)
+    gnss = _fixes(t[rows], fixes.assign(speed=KMH * fixes["speed"]))
+    gyro = np.radians(_axes(raw, "rollrate pitchrate yawrate"))
+    imu = Imu(t, gyro, -_axes(raw, "ax ay az"))  # gravity: -9.8 face up
     lag = time_lag(gnss, imu)
     note = f"GNSS lags the IMU by {lag}; the IMU's clock was set back by that"
     imu = replace(imu, t_s=t + lag.value)
@@ -123,17 +110,27 @@ def _balzer(path):
 
 
 def _phone(path):
-    log = read_moving([path], columns=PHONE)
-    # A row without a position is an epoch too. The reader doubts a speed that positions with errors
-    # of 1100 m do not have.
-    raw = pd.read_csv(path, parse_dates=["time"])
-    t = pd.Index((raw["time"] - raw["time"][0]).dt.total_seconds(), name="t_s")
-    rows = pd.DataFrame(vars(log.gnss)).set_index("t_s").reindex(t).reset_index()
-    rows["has_fix"], rows["speed_m_s"] = rows["has_fix"].eq(True), raw["speed"]
-    gnss = Gnss(**{name: rows[name].to_numpy() for name in rows})
-    gnss = replace(gnss, pdop=gnss.pdop / METRES_PER_PDOP)
+    raw = pd.read_csv(path, parse_dates=["time"])  # a row without a position is an epoch too
+    t = (raw["time"] - raw["time"][0]).dt.total_seconds().to_numpy()
+    fixes = raw[["latitude", "longitude", "altitude"]].assign(
+        pdop=raw["horizontalAccuracy"] / METRES_PER_PDOP, speed=raw["speed"], course=raw["bearing"]
+    )
+    felt = raw.dropna(subset=["gyro_x", "acc_x"])
+    gyro, accel = _axes(felt, "gyro_x gyro_y gyro_z"), _axes(felt, "acc_x acc_y acc_z")
+    imu = Imu(t[felt.index], gyro, accel)
     note = f"no PDOP in the log: the reported accuracy over {METRES_PER_PDOP:g} m stands in for it"
-    return gnss, log.imu, (note, "axes turned to z down")
+    return _fixes(t, fixes), imu, (note, "axes turned to z down")
+
+
+def _axes(raw, names):
+    """Take the columns of three axes, z up, and turn them to z down."""
+    return raw[names.split()].to_numpy() * Z_UP_TO_DOWN
+
+
+def _fixes(t, table):
+    """Make epochs of latitude, longitude, height, PDOP, speed and course; no place is no fix."""
+    columns = table.to_numpy(float).T
+    return Gnss(t, *columns, np.isfinite(columns[0]))
 
 
 def _genivi(path):
@@ -184,25 +181,11 @@ def _roof(path):
 
 
 RIDES = {
-    "racebox": Ride(
-        "motorbike on a race track, 8 laps",
-        "racebox-laps/02_racebox-micro-on-bike-example.csv",
-        _racebox,
-    ),
-    "car": Ride(
-        "car in a town, phone at 50 Hz", "car-phone-balzer/2014-03-26-000-Data.csv", _balzer
-    ),
-    "phone-drive": Ride(
-        "phone in a car, 5209 s at 1 Hz, 1265 s of them parked",
-        "phone-drives/2023-08-09_12-47-42.csv",
-        _phone,
-    ),
-    "genivi-car": Ride(
-        "car in and about a town, IMU at 10 Hz",
-        "car-genivi/20160209_RPi_GENIVI_Regensburg.log",
-        _genivi,
-    ),
-    "car-roof": Ride("car with an IMU on its roof at 100 Hz, and RTK", ROOF[0], _roof),
+    "racebox": Ride("racebox-laps/02_racebox-micro-on-bike-example.csv", _racebox),  # motorbike
+    "car": Ride("car-phone-balzer/2014-03-26-000-Data.csv", _balzer),  # a phone at 50 Hz
+    "phone-drive": Ride("phone-drives/2023-08-09_12-47-42.csv", _phone),  # at 1 Hz, in a car
+    "genivi-car": Ride("car-genivi/20160209_RPi_GENIVI_Regensburg.log", _genivi),  # at 10 Hz
+    "car-roof": Ride(ROOF[0], _roof),  # at 100 Hz, and RTK
 }
 
 
@@ -211,9 +194,8 @@ def _once_a_second(t):
     return np.flatnonzero(np.r_[True, np.diff(np.floor(t + 1e-6)) > 0])
 
 
-def _course(gnss, half):
+def _course(t, lat, lon, half):
     """Course from where the vehicle was `half` seconds ago to where it will be then, deg."""
-    t, lat, lon = gnss.t_s, gnss.lat_deg, gnss.lon_deg
     north, east, _ = pymap3d.geodetic2ned(lat, lon, 0.0, lat[0], lon[0], 0.0)
     ahead = [np.interp(t + half, t, x) - np.interp(t - half, t, x) for x in (north, east)]
     return np.degrees(np.arctan2(ahead[1], ahead[0])) % 360
@@ -239,8 +221,8 @@ def parked():
         north, east, _ = pymap3d.geodetic2ned(lat[stand], lon[stand], 0.0, *middle, 0.0)
         table |= {f"{name}_north_m": np.round(north, 2), f"{name}_east_m": np.round(east, 2)}
     table = pd.DataFrame(table).assign(layer=columns["layer"][stand])
-    source = _source(RIDES["phone-drive"].title, "phone-drive") | {"notes": [*log.notes]}
-    return source, {"stand": store.rounded(table, DIGITS)}
+    source = _source("phone in a car, 1265 s parked of 5209 s at 1 Hz", "phone-drive")
+    return source | {"notes": [*log.notes]}, {"stand": store.rounded(table, DIGITS)}
 
 
 def stops():
@@ -395,35 +377,37 @@ def starts():
     return source, {"fixes": store.rounded(pd.DataFrame(fixes), 4)}
 
 
-def turned(name):
-    """Replay a ride with its IMU turned about the vertical by 0 to 330 deg.
+def turned():
+    """Replay rides with their IMU turned about the vertical by 0 to 330 deg.
 
     Returns
     -------
     dict
-        Source; the mounting angle fitted to the whole log with its 95 % interval (deg).
     dict of pandas.DataFrame
-        ``turned``: the mounting angles found for each turn, ``lowest`` and ``highest`` of them
-        counted from the reference and the turn; ``straights``: each straight of the log as it is.
+        ``reference``: for each ride the mounting angle fitted to the whole log with its 95 %
+        interval (deg). ``turned``: for each ride and turn when the first mounting angle is found
+        (s), ``lowest``, ``highest`` and ``last`` of all, counted from the reference and the turn.
+        ``straights``: each straight of the log as it is.
     """
-    log = read(name)
-    gnss = log.gnss
-    whole = drives.mounting_regression(gnss, log.imu, np.random.default_rng(SEED))
-    down = -np.median(log.imu.accel_b, axis=0)
-    rows = []
-    for angle in np.arange(0.0, 360.0, STEP_DEG):
-        track = replay(turn_imu(log, np.radians(angle), down), Options(fusion=False))
-        mount, printed = track.columns["mount_deg"], track.straights["printed_deg"]
-        known = np.isfinite(mount)
-        off = wrap(mount[known] - whole.value - angle)
-        row = {"turned_deg": angle, "first_s": gnss.t_s[known][0], "last_deg": mount[known][-1]}
-        row |= {"lowest_off_deg": off.min(), "highest_off_deg": off.max()}
-        rows.append((row | {"last_printed_deg": printed.iloc[-1]}, track.straights))
-    tables = {"turned": pd.DataFrame([row for row, _ in rows]), "straights": rows[0][1]}
-    reference = {"": whole.value, "low_": whole.low, "high_": whole.high}
-    reference = {f"reference_{end}deg": round(float(v), 3) for end, v in reference.items()}
-    tables = {key: store.rounded(table, DIGITS) for key, table in tables.items()}
-    return _source(RIDES[name].title, name) | {"notes": [*log.notes]} | reference, tables
+    references, turns, straights = {}, [], []
+    for name in TURNED:
+        log = read(name)
+        t, down = log.gnss.t_s, -np.median(log.imu.accel_b, axis=0)
+        whole = drives.mounting_regression(log.gnss, log.imu, np.random.default_rng(SEED))
+        references[name] = {"value": whole.value, "low": whole.low, "high": whole.high}
+        for angle in np.arange(0.0, 360.0, STEP_DEG):
+            track = replay(turn_imu(log, np.radians(angle), down), Options(fusion=False))
+            known = np.isfinite(track.columns["mount_deg"])
+            off = wrap(track.columns["mount_deg"][known] - whole.value - angle)
+            ends = {"lowest_off_deg": off.min(), "highest_off_deg": off.max()}
+            first = {"ride": name, "turned_deg": angle, "first_s": t[known][0]}
+            turns.append(first | ends | {"last_off_deg": off[-1]})
+            if angle == 0:
+                straights.append(track.straights.assign(ride=name))
+    tables = {"turned": pd.DataFrame(turns), "straights": pd.concat(straights)}
+    tables["reference"] = pd.DataFrame(references).T.round(3).rename_axis("ride").reset_index()
+    source = _source("Mounting angle on four rides, their IMU turned by known angles", *TURNED)
+    return source, {key: store.rounded(table, DIGITS) for key, table in tables.items()}
 
 
 def _source(title, *names):
