@@ -32,7 +32,6 @@ MAKERS = {
     "turin": several_units.turin,
     "comma2k19": several_units.comma,
     "car-attitude": several_units.car_attitude,
-    "car-roof": several_units.car_roof,
     "light-aircraft": several_units.light_aircraft,
     "aerobatic": several_units.aerobatic,
 }

@@ -127,39 +127,27 @@ def comma():
 
 
 def car_attitude():
-    """Keep the attitude a phone reports in a car, and that of this project's filter.
+    """Keep the attitude a phone reports in a car, and that of our own filter, there and on a roof.
 
     Returns
     -------
     dict
     dict of pandas.DataFrame
-        ``angles``: reported ones, and the sum of the rate about the vertical; ``gnss``: speed and
-        own angles (``own_``), once a second.
+        ``angles``: those the phone reports, and the sum of its rate about the vertical; ``gnss``
+        and ``roof``, once a second: speed (on the roof by RTK) and own angles (``own_``), on the
+        roof with the sum of the rate.
     """
-    log, name = rides.read("car"), rides.RIDES["car"].file
+    (log, roof), name = map(rides.read, ("car", "car-roof")), rides.RIDES["car"].file
     raw, t = pd.read_csv(datasets.path(name), low_memory=False), log.imu.t_s
     angles = {"t_s": np.arange(np.ceil(t[0]), t[-1], CAR_S).round(3)}
     for angle in ("roll", "pitch", "yaw"):
         angles[f"{angle}_deg"] = _angle(angles["t_s"], t, raw[angle]).round(2)
     angles["gyro_z_deg"] = np.interp(angles["t_s"], t, _turned(log.imu)).round(2)
-    own = _own_attitude(log, "roll", "pitch", "yaw")
-    source = _source("attitude that a phone reports in a car, 216 s", name)
-    return source | {"notes": list(log.notes)}, {"angles": pd.DataFrame(angles), "gnss": own}
-
-
-def car_roof():
-    """Keep the yaw that this project's filter finds on a car's roof, and the sum of its gyro.
-
-    Returns
-    -------
-    dict
-    dict of pandas.DataFrame
-        ``ride``, once a second: speed by RTK, own yaw, the sum of the rate about the vertical.
-    """
-    log = rides.read("car-roof")
-    turned = np.interp(log.gnss.t_s, log.imu.t_s, _turned(log.imu)).round(2)
-    source = _source("car with an IMU on its roof and RTK, 549 s", *rides.ROOF)
-    return source, {"ride": _own_attitude(log, "yaw").assign(gyro_z_deg=turned)}
+    tables = {"angles": pd.DataFrame(angles), "gnss": _own_attitude(log, "roll", "pitch", "yaw")}
+    turned = np.interp(roof.gnss.t_s, roof.imu.t_s, _turned(roof.imu)).round(2)
+    tables["roof"] = _own_attitude(roof, "yaw").assign(gyro_z_deg=turned)
+    source = _source("attitude in two cars, by a phone and by an IMU", name, *rides.ROOF)
+    return source | {"notes": [*log.notes]}, tables
 
 
 def light_aircraft():
