@@ -404,22 +404,10 @@ def plane(
             drawn = {"colors": "k", "linewidths": 1, "linestyles": "-"}
             line = ax.contour(of.arw, of.sigma_b, shown, [at], **drawn)
             line.set_label(f"_level {level:g} m")
-            place = _crossing(of.arw, of.sigma_b, shown, at)
-            ax.clabel(line, fmt={at: f"{level:g} m"}, fontsize=7, manual=[place])
+            # At the point of the line nearest to the upper left corner no sensor lies.
+            corner = of.arw[len(of.arw) // 12], of.sigma_b[-len(of.sigma_b) // 12]
+            ax.clabel(line, fmt={at: f"{level:g} m"}, fontsize=7, manual=[corner])
     return filled
-
-
-def _crossing(arw, sigma_b, shown, level):
-    """Find where a level crosses a column near the left edge of the plane, or else a low row.
-
-    There no sensor lies under the label.
-    """
-    i, j = len(arw) // 12, len(sigma_b) // 8
-    column, row = shown[:, i], shown[j]
-    if column[-1] > level:
-        at = np.interp(level, np.maximum.accumulate(column), np.log10(sigma_b))
-        return arw[i], 10**at
-    return 10 ** np.interp(level, np.maximum.accumulate(row), np.log10(arw)), sigma_b[j]
 
 
 def sensors(ax: Axes, table: pd.DataFrame) -> None:
