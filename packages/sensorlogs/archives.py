@@ -48,7 +48,8 @@ def unstamped(path: Path) -> Path:
     raw = delimited.content(path)
     (_, cells), *_ = MONITOR.findall(raw[: 1 << 14])
     apart = next((each for each in (b";", b"\t", b",") if each in cells), b" ")
-    target.write_bytes(MONITOR.sub(rb"\g<clock>" + apart + rb"\g<cells>", raw))
+    with reading(path, "text of a serial monitor"):
+        target.write_bytes(MONITOR.sub(rb"\g<clock>" + apart + rb"\g<cells>", raw))
     return target
 
 

@@ -3,13 +3,12 @@
 `reading` turns what a library raises into a sentence; `state` tells whether the file is whole.
 """
 
-import bz2
 import contextlib
-import lzma
+import errno
 import mmap
 import re
 import sqlite3
-import zipfile
+import tempfile
 import zlib
 from collections.abc import Callable, Iterator
 from importlib import metadata
@@ -21,6 +20,7 @@ from sensorlogs.delimited import printable
 from sensorlogs.names import NAMES
 
 INTACT = "intact as far as its lengths and checksums tell"
+FULL = errno.ENOSPC, errno.EDQUOT  # no space, or none for this user
 BLOCK = 1 << 20
 
 
@@ -38,6 +38,10 @@ def reading(
     except MemoryError as error:
         raise CannotAnswer(f"{path.name}: too large for the memory of this machine") from error
     except Exception as error:  # libraries raise what they like on damaged bytes
+        if getattr(error, "errno", None) in FULL:
+            where = f"the folder for temporary files, {tempfile.gettempdir()}, is full"
+            advice = "make room there, or set TMPDIR to another folder"
+            raise CannotAnswer(f"{path.name}: {where}: {advice}") from error
         said = re.sub(r"(?<!\S)/\S*/", "", str(error).strip().split("\n")[0])  # our own folders
         said = printable(said) or type(error).__name__
         found = state(path)
@@ -133,28 +137,6 @@ def _sqlite(raw, path: Path) -> int | None:
     return None if said == "ok" else page * (int(number[1]) - 1) if number else 0
 
 
-def _zip(raw, path: Path) -> int | None:
-    """Compare the checksums of the files in a zip; its list of them is at its end."""
-    # zipfile raises what it meets at an offset that is wrong
-    with contextlib.suppress(Exception), zipfile.ZipFile(path) as packed:
-        wrong = packed.testzip()
-        return packed.getinfo(wrong).header_offset if wrong else None
-    return len(raw)
-
-
-def _parquet(raw, path: Path) -> int | None:
-    """Look for the mark at the end of a Parquet file, and before it the length of its footer."""
-    whole = raw[-4:] == raw[:4] and _number(raw, len(raw) - 8, 4) <= len(raw) - 12
-    return None if whole else len(raw)
-
-
-def _hdf5(raw, path: Path) -> int | None:
-    """Compare the end that the first block of an HDF5 file states."""
-    at = raw.find(b"\x89HDF")
-    end = _number(raw, at + (28 if raw[at + 8] > 1 else 40), 8)
-    return None if end <= len(raw) else len(raw)
-
-
 def _mat5(raw, path: Path) -> int | None:
     """Walk through the variables of a MATLAB file; those compressed have checksums."""
     plain, compressed = 14, 15
@@ -164,22 +146,15 @@ def _mat5(raw, path: Path) -> int | None:
         little = raw[126:128] == b"IM"
         kind, size = (int.from_bytes(each, "little" if little else "big") for each in both)
         variable = raw[at + 8 : at + 8 + size]
-        whole = kind == compressed and _stream(zlib.decompressobj(), variable) is None
-        return at + 8 + size if whole or kind == plain else 0
+        if kind == compressed:
+            unpacked = zlib.decompressobj()
+            with contextlib.suppress(zlib.error):
+                for begin in range(0, size, BLOCK):
+                    unpacked.decompress(variable[begin : begin + BLOCK])
+            return at + 8 + size if unpacked.eof else 0
+        return at + 8 + size if kind == plain else 0
 
     return _walk(raw, 128, end_of)
-
-
-def _stream(unpacked, raw) -> int | None:
-    """Unpack a compressed stream to its end, where its checksum is."""
-    for at in range(0, len(raw), BLOCK):
-        try:
-            unpacked.decompress(raw[at : at + BLOCK])
-        except (zlib.error, OSError, EOFError, lzma.LZMAError):
-            return at
-        if unpacked.eof:
-            return None
-    return len(raw)
 
 
 def _number(raw, at: int, size: int) -> int:
@@ -197,11 +172,5 @@ _CHECKS: dict[bytes, Callable[[Any, Path], int | None]] = {
     rb"\A#ROSBAG V": _bag1,
     rb"\A\x89MCAP": _mcap,
     rb"\ASQLite format 3": _sqlite,
-    rb"\APK\x03\x04": _zip,
-    _begins("parquet"): _parquet,
     _begins("mat5"): _mat5,
-    _begins("mat73"): _hdf5,
-    rb"\A\x1f\x8b": lambda raw, path: _stream(zlib.decompressobj(31), raw),
-    rb"\ABZh": lambda raw, path: _stream(bz2.BZ2Decompressor(), raw),
-    rb"\A\xfd7zXZ": lambda raw, path: _stream(lzma.LZMADecompressor(), raw),
 }

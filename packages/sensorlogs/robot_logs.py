@@ -14,7 +14,7 @@ import re
 import tempfile
 from array import array
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,12 +23,12 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from sensorlogs import CannotAnswer, WrongUsage, archives, counted, delimited, integrity, nmea
+from sensorlogs import CannotAnswer, counted, integrity, nmea
 from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, content, progress
 from sensorlogs.integrity import reading
 from sensorlogs.names import NAMES
-from sensorlogs.tables import LISTED, Part, of_arrays, of_table
+from sensorlogs.tables import LISTED, Part, of_arrays
 
 DEFINED = "its message definition"
 _ROS = NAMES["ros"]
@@ -36,12 +36,7 @@ _ULOG = NAMES["ulog"] | dict.fromkeys(("vehicle_gps_position", "sensor_gps"), NA
 _ULOG_SIDE = re.compile("timestamp|device_id|integral_dt|clip|count|magnetometer|baro")
 _PVT = NAMES["nav_pvt"]
 _PAGE = 528  # bytes without messages that the end of a DataFlash log may have
-_PRIMARY = re.compile(
-    r"((IMU|GYR|ACC|GPS)\d?|ATT)(/\d+)?|(Uncal)?(Gyro|Accel)|OrientationDeg|Fix(/(?i:gps))?"
-)
-_INSTANCE = ("I", "Instance", "Provider")
-_NAMING = re.compile(rb"(?:# *(\w+),|FMT, *\d+, *\d+, *(\w+), *\w*,)(.+)")  # a phone, a pilot
-_BOOT_NS = "elapsedRealtimeNanos"  # the clock that a phone's receiver and sensors share
+_PRIMARY = re.compile(r"((IMU|GYR|ACC|GPS)\d?|ATT)(/\d+)?")
 _UBX = re.compile(rb"\xb5\x62(?:\x01\x07|\x10[\x02\x03])")  # NAV-PVT, ESF-MEAS, ESF-RAW
 _UBX_SIZE = 8192  # bytes of the longest message that is looked at
 
@@ -199,9 +194,9 @@ def dataflash(path: Path) -> list[Part]:
         for form in log.formats.values():
             offsets = np.asarray(log.offsets[form.type], dtype=np.int64)
             offsets = offsets[offsets + form.len <= len(raw)]
-            if offsets.size and _clock(form.name, form.columns):
-                table = Table(_dataflash_rows(form, offsets, raw), path, tuple(notes))
-                parts += _of_tag(form.name, table) if len(table.frame) else ()
+            if offsets.size and _clock(form):
+                frame = _dataflash_rows(form, offsets, raw)
+                parts += _instances(form, frame, path, notes) if len(frame) else ()
         log.filehandle.close()
     return parts
 
@@ -221,75 +216,29 @@ def _dataflash_rows(form, offsets, raw) -> pd.DataFrame:
     return pd.DataFrame({name: factors[name] * rows[name].astype(float) for name in numbers})
 
 
-def _clock(tag: str, columns: Sequence[str]) -> str:
+def _clock(form) -> str:
     """Find the column of a message that is its time, if there is one."""
     # An old GPS has T, the clock of the other messages, after the time of its week.
-    some = columns if tag.startswith("GPS") else columns[:1]
-    return next((stamp for stamp in NAMES["tagged_stamps"] if stamp in some), "")
+    some = form.columns if form.name.startswith("GPS") else form.columns[:1]
+    return next((stamp for stamp in NAMES["dataflash_stamps"] if stamp in some), "")
 
 
-def _of_tag(tag: str, table: Table) -> Iterator[Part]:
-    """Make the parts of one message, by its instances or providers."""
-    clock = _clock(tag, [*table.frame])
-    frame = table.frame.rename(columns={clock: NAMES["tagged_stamps"].get(clock)})
-    frame = frame.rename(columns=NAMES["tagged"])
+def _instances(form, frame: pd.DataFrame, path: Path, notes: Iterable[str]) -> Iterator[Part]:
+    """Make a part of each instance of one message."""
+    clock = _clock(form)
+    frame = frame.rename(columns={clock: NAMES["dataflash_stamps"].get(clock)})
+    frame = frame.rename(columns=NAMES["dataflash"])
     frame = frame.loc[:, ~frame.columns.duplicated()]
-    if tag.startswith("GPS") and "Status" in frame:
+    if form.name.startswith("GPS") and "Status" in frame:
         frame["fix"] = np.maximum(frame.pop("Status") - 1, 0)  # 2 and more: a fix
     groups = {}
-    for which in frame.columns.intersection(_INSTANCE)[:1]:
+    for which in frame.columns.intersection(("I", "Instance"))[:1]:
         each = frame.pop(which)
-        if each.dtype.kind != "f" or (each % 1 == 0).all():  # of a controller, I is an integral
-            named = ((f"{tag}/{key}", rows) for key, rows in frame.groupby(each))
-            groups = {name.removesuffix(".0"): rows for name, rows in named}
-    for label, rows in (groups if len(groups) > 1 else {tag: frame}).items():
-        rows = rows if table.layout else rows.reset_index(drop=True)
+        if (each % 1 == 0).all():  # of a controller, I is an integral
+            groups = {f"{form.name}/{key:.0f}": rows for key, rows in frame.groupby(each)}
+    for label, rows in (groups if len(groups) > 1 else {form.name: frame}).items():
         primary = bool(_PRIMARY.fullmatch(label))
-        yield of_table(label, replace(table, frame=rows), told_by=DEFINED, primary=primary)
-
-
-def tagged(path: Path) -> list[Part]:
-    """List the tables of a text whose rows begin with a tag, an instance or provider each.
-
-    Google's GnssLogger names the columns in comments, ArduPilot's log as text in FMT lines.
-    """
-    names: dict[bytes, bytes] = {}
-    files: dict[bytes, Any] = {}
-    folder, lost = archives.temporary(path), 0
-    folder.mkdir()
-    with reading(path, "a log of tagged rows"), contextlib.ExitStack() as opened:
-        raw = opened.enter_context(path.open("rb"))
-        for line in tqdm(raw, unit=" lines", unit_scale=True, **progress(path)):
-            tag, _, rest = line.partition(b",")
-            if naming := _NAMING.match(line):
-                names[naming[1] or naming[2]] = naming[3].strip()
-            elif tag in names:
-                if tag not in files:
-                    file = folder / f"{path.name}, {tag.decode()}"
-                    files[tag] = opened.enter_context(file.open("wb"))
-                    files[tag].write(names[tag] + b"\n")
-                files[tag].write(rest)
-            else:
-                lost += line[:1] not in b"#\r\n"
-    notes = (f"{counted(lost, 'line')} without a tag that is named, left out",) * bool(lost)
-    parts: list[Part] = []
-    with reading(path, "a log of tagged rows"):  # of words, where numbers should be
-        for tag, file in files.items():
-            try:
-                table = delimited.read_table(Path(file.name))
-                parts += _of_tag(tag.decode(), replace(table, repairs=table.repairs + notes))
-            except (CannotAnswer, WrongUsage):  # a table of words
-                if _PRIMARY.fullmatch(tag.decode()):
-                    raise
-        boot_s = 0.0  # by the receiver, if there is one
-        for part in sorted(parts, key=lambda part: part.name not in ("Fix", "Fix/GPS")):
-            frame = part.load().frame
-            unix_ms = [*frame.filter(["UnixTimeMillis", "utcTimeMillis"])]
-            if unix_ms and _BOOT_NS in frame and frame[_BOOT_NS].notna().all():
-                frame.insert(0, "t_s", 1e-9 * frame.pop(_BOOT_NS))
-                boot_s = boot_s or float((1e-3 * frame[unix_ms[0]] - frame["t_s"]).median())
-                frame["t_s"] += boot_s
-    return parts
+        yield of_arrays(path, label, rows, notes, told_by=DEFINED, primary=primary)
 
 
 def ubx_messages(raw: bytes) -> Iterator[tuple[int, Any]]:
