@@ -140,8 +140,8 @@ BEFORE = np.arange(100)
     (np.r_[BEFORE, np.arange(90, 200)], 100, "backward by 9 s"),
     (np.r_[BEFORE, np.arange(1e9, 1e9 + 100)], 100, "missing"),
     (np.r_[BEFORE, np.full(100, np.nan)], 100, "no time stamp"),
-    (np.zeros(100), 0, "do not advance"), (np.repeat([0.0, 1.0, 2.0], 40), 0, "fewer than 4"),
-    (np.arange(2), 1, "2 samples are left")])  # fmt: skip
+    (np.zeros(100), 0, "1 value, "), (np.repeat([0.0, 1.0, 2.0], 40), 0, "3 values, "),
+    (np.arange(2), 0, "2 values, too few")])  # fmt: skip
 def test_stamps_that_cannot_be_used_name_their_row(t, row, words):
     """Property: the row of the fault, so that the caller can name the line."""
     assert refused(times.BadStamps, words, grid, t).row == row

@@ -8,11 +8,10 @@ from pathlib import Path
 from sensorlogs import WrongUsage, datasets
 from sensorlogs.columns import closest
 from sensorlogs.datasets import DATA
-from sensorlogs.formats import FORMATS
 
 CATALOGUE = DATA / "logs.toml"
 OWN = DATA / "own" / "logs.toml"
-_TEXT = "title note licence source file format table timing unit kind scale time_unit"
+_TEXT = "title note licence source file table timing unit kind scale time_unit"
 # Of a stanza, with the type of the value.
 KEYS: dict = dict.fromkeys(_TEXT.split(), str) | dict.fromkeys(("rate_hz", "from", "to"), Real)
 KEYS |= dict.fromkeys(("names", "channels"), list) | {"time": (str, Integral), "rows": int}
@@ -131,8 +130,6 @@ def _check_stanza(stanza, here):
     if not isinstance(stanza, dict) or not isinstance(stanza.get("file"), str):
         raise WrongUsage(f'{here} needs a line such as file = "my.csv"')
     _check(stanza, KEYS, here)
-    if (known := stanza.get("format", "csv")) not in FORMATS:
-        raise WrongUsage(f"{here} format '{known}' is not one of {', '.join(FORMATS)}")
     channels = stanza.get("channels", [])
     for channel in channels:
         if not isinstance(channel, dict) or "column" not in channel:

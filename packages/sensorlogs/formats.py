@@ -184,14 +184,14 @@ def title_of(path: Path) -> str:
     return "a folder" if path.is_dir() else FORMATS[format_of(plain(path))]["title"]
 
 
-def parts_of(path: Path, known: str | None = None) -> list[Part]:
+def parts_of(path: Path) -> list[Part]:
     """List the tables of a log: a file, packed or not, or a folder; see `_parts`."""
-    if not (found := list(archives.phone(_parts(path, known)))):
+    if not (found := list(archives.phone(_parts(path)))):
         raise CannotAnswer(f"{path.name}: {title_of(path)} without any table of numbers in it")
     return found
 
 
-def _parts(path: Path, known: str | None = None) -> list[Part]:
+def _parts(path: Path) -> list[Part]:
     """List the tables as they are named in the file.
 
     Raises
@@ -204,7 +204,7 @@ def _parts(path: Path, known: str | None = None) -> list[Part]:
     if path.is_dir() and not (path / "metadata.yaml").exists():
         return archives.folder(path, _parts)
     path = path if path.is_dir() else plain(path)
-    known = "bag" if path.is_dir() else known or format_of(path)
+    known = "bag" if path.is_dir() else format_of(path)
     if known == "csv" and zipfile.is_zipfile(path):
         return _parts(once(archives.unzip, path))
     return _read(path, known)
@@ -225,10 +225,9 @@ def read_table(path: Path, stanza: dict) -> Table:
     ----------
     path : Path
     stanza : dict
-        ``format``: if its bytes do not tell it. ``table``: which one. ``names``: of its columns, in
-        their order.
+        ``table``: which one. ``names``: of its columns, in their order.
     """
-    parts = parts_of(path, stanza.get("format"))
+    parts = parts_of(path)
     chosen = choose(parts, path, title_of(path), stanza.get("table"))
     table = load(chosen)
     table = replace(table, repairs=(*table.repairs, *not_read(parts, chosen)))
@@ -238,7 +237,7 @@ def read_table(path: Path, stanza: dict) -> Table:
     return replace(table, frame=table.frame.set_axis(names, axis=1)) if names else table
 
 
-def contents(path: Path, known: str | None = None) -> tuple[list[tuple[str, list]], list]:
+def contents(path: Path) -> tuple[list[tuple[str, list]], list]:
     """List the tables of a log: a line on each, and its columns; and what could not be read.
 
     Returns
@@ -248,7 +247,7 @@ def contents(path: Path, known: str | None = None) -> tuple[list[tuple[str, list
         One for each table whose numbers cannot be read.
     """
     listing, errors = [], []
-    for part in parts_of(path, known):
+    for part in parts_of(path):
         try:
             table = load([part])
         except (CannotAnswer, WrongUsage) as error:  # the names are known all the same

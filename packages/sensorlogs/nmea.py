@@ -1,8 +1,7 @@
 """NMEA 0183: sentences -> epochs -> rows of a static log, or GNSS epochs of a moving one.
 
 Every sentence is checked by pynmeagps, checksum first. Between sentences there may be binary
-messages, comments or the time stamps of a host (tracker paper, Section III-B); a sentence that such
-a stamp or a line break cuts in two is joined again, if the checksum then agrees.
+messages, comments or the time stamps of a host (tracker paper, Section III-B).
 """
 
 import re
@@ -32,8 +31,6 @@ _STAMP += rb"|\d{1,19}(?:\.\d+)?"
 _APART = rb"[^0-9A-Za-z$\r\n]{0,8}"  # a separator, of whatever signs
 _HOSTED = _APART + rb"(" + _STAMP + rb")" + _APART
 _HOST = re.compile(rb"(?m)^" + _HOSTED + rb"(?=\$|\r?$)")
-_BREAK = re.compile(rb"[\r\n]+")
-_STAMPED_BREAK = re.compile(rb"[\r\n]+(?:" + _HOSTED + rb"(?:[\r\n]+|(?=,)))?")
 Sentence = tuple[int, NMEAMessage]
 _POSITION = ("lat_deg", "lon_deg")
 _OF_FIX = (*_POSITION, "height_m", "separation_m", "speed_m_s", "course_deg")
@@ -43,7 +40,7 @@ COLUMNS = ("t_s", *_OF_FIX, "fix", "hdop", "pdop", "fix_mode", "quality", "satel
 _NO_FIX = {0, 6}  # none, and estimated (the receiver's own dead reckoning)
 
 
-def sentences(content: bytes) -> tuple[list[Sentence], int, int]:
+def sentences(content: bytes) -> tuple[list[Sentence], int]:
     """Find and parse the sentences of the kinds in `_FIELDS`.
 
     Returns
@@ -52,19 +49,11 @@ def sentences(content: bytes) -> tuple[list[Sentence], int, int]:
         Offset of each in the file, and the parsed message.
     int
         Number of sentences cut off, without or with a wrong checksum, or with impossible content.
-    int
-        Number of sentences on two lines.
     """
-    messages, joined = [], 0
-    for match in re.finditer(_BEGIN + rb"[^$*]{0,160}\*[0-9A-Fa-f]{2}", content):
-        raw = match.group(0)
-        message = _parse(raw)
-        if message is None and _BREAK.search(raw):
-            message = _parse(_BREAK.sub(b"", raw)) or _parse(_STAMPED_BREAK.sub(b"", raw))
-            joined += message is not None
-        if message is not None:
-            messages.append((match.start(), message))
-    return messages, len(re.findall(_BEGIN, content)) - len(messages), joined
+    found = re.finditer(_BEGIN + rb"[^$*]{0,160}\*[0-9A-Fa-f]{2}", content)
+    parsed = ((match.start(), _parse(match.group(0))) for match in found)
+    messages = [(at, message) for at, message in parsed if message is not None]
+    return messages, len(re.findall(_BEGIN, content)) - len(messages)
 
 
 def _parse(raw: bytes) -> NMEAMessage | None:
@@ -152,7 +141,7 @@ def read_table(path: Path) -> Table:
         If there is no epoch.
     """
     raw = content(path)
-    messages, wrong, joined = sentences(raw)
+    messages, wrong = sentences(raw)
     if not messages:
         bare = len(re.findall(_BEGIN + _BODY + _END, raw))
         raise CannotAnswer(
@@ -162,8 +151,6 @@ def read_table(path: Path) -> Table:
     found = epochs(messages)
     of = f"{path.name}: {wrong:,} of {wrong + len(messages):,} sentences"
     notes = [f"{of} cut off or with a wrong checksum, left out"] * bool(wrong)
-    both = f"{path.name}: {counted(joined, 'sentence')} broken over two lines, joined"
-    notes += [both] * bool(joined)
     newlines = np.flatnonzero(np.frombuffer(raw, dtype=np.uint8) == ord("\n"))
     lines = np.searchsorted(newlines, found["offset"]) + 1
     place = Table(found.reset_index(drop=True), path, lines=lines).place

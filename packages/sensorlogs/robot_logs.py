@@ -37,7 +37,7 @@ _ULOG_SIDE = re.compile("timestamp|device_id|integral_dt|clip|count|magnetometer
 _PVT = NAMES["nav_pvt"]
 _PAGE = 528  # bytes without messages that the end of a DataFlash log may have
 _PRIMARY = re.compile(r"((IMU|GYR|ACC|GPS)\d?|ATT)(/\d+)?")
-_UBX = re.compile(rb"\xb5\x62(?:\x01\x07|\x10[\x02\x03])")  # NAV-PVT, ESF-MEAS, ESF-RAW
+_UBX = re.compile(rb"\xb5\x62(?:\x01\x07|\x10\x02)")  # NAV-PVT, ESF-MEAS
 _UBX_SIZE = 8192  # bytes of the longest message that is looked at
 
 
@@ -254,13 +254,13 @@ def ubx_messages(raw: bytes) -> Iterator[tuple[int, Any]]:
 
 
 def ubx(path: Path) -> list[Part]:
-    """List NAV-PVT, ESF-MEAS and ESF-RAW of a u-blox log, whatever lies between them.
+    """List NAV-PVT and ESF-MEAS of a u-blox log, whatever lies between them.
 
     The positions of NMEA sentences in between are a table of their own, read where it is named or
     where the log has no NAV-PVT.
     """
     raw = path.read_bytes()
-    rows: dict[str, list[dict]] = {"NAV-PVT": [], "ESF-MEAS": [], "ESF-RAW": []}
+    rows: dict[str, list[dict]] = {"NAV-PVT": [], "ESF-MEAS": []}
     wrong = 0
     with tqdm(total=len(raw), **progress(path)) as bar:
         for at, message in ubx_messages(raw):
@@ -285,7 +285,7 @@ def ubx(path: Path) -> list[Part]:
     if re.search(nmea.SENTENCE, raw):
         parts += [replace(part, primary=not rows["NAV-PVT"]) for part in nmea.parts(path)]
     if not parts:
-        lacks = "u-blox UBX without a whole NAV-PVT, ESF-MEAS or ESF-RAW: log one of them"
+        lacks = "u-blox UBX without a whole NAV-PVT or ESF-MEAS: log one of them"
         raise CannotAnswer(f"{path.name}: {lacks}")
     return parts
 
@@ -301,16 +301,12 @@ def _ubx_rows(message: Any) -> Iterator[dict[str, float]]:
             "fix": float(message.fixType in (2, 3, 4) and message.gnssFixOk),
         }
         return
-    words = np.frombuffer(message.payload, "<u4").astype(int)
-    if message.identity == "ESF-RAW":
-        name, words, tags = "sensor time tag", words[1::2], words[2::2]
-    else:
-        name, count = "time tag", message.payload[5] >> 3
-        words, tags = words[2 : 2 + count], np.full(count, words[0])
-    found: dict[int, dict[str, float]] = {}
-    for word, tag in zip(words.tolist(), tags.tolist(), strict=False):
+    tag, _, *words = np.frombuffer(message.payload, "<u4").tolist()
+    row: dict[str, float] = {}
+    for word in words[: message.payload[5] >> 3]:
         value = (word & 0xFFFFFF) - ((word & 0x800000) << 1)
         ours, unit = NAMES["esf"].get(str(word >> 24 & 0x3F), ("", 0.0))
         if ours:
-            found.setdefault(tag, {})[ours] = unit * value
-    yield from ({name: tag, **values} for tag, values in found.items())
+            row[ours] = unit * value
+    if row:
+        yield {"time tag": tag} | row

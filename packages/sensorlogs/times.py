@@ -356,11 +356,11 @@ def rising(
     late = np.flatnonzero(behind >= 0)
     refused = late if late_allowed else np.flatnonzero(behind > 0)
     if len(refused) > late_allowed * len(t_s):
-        first = refused[0]
-        raise CannotAnswer(
-            f"{place(first)}: time goes backward by {behind[first]:.6g} s, or stands still, here "
-            f"and in {len(refused) - 1:,} of {len(t_s):,} rows; sort the file, or cut it there"
-        )
+        first, others = refused[0], f"{len(refused) - 1:,} of {len(t_s):,} rows"
+        what, way = f"goes backward by {behind[first]:.6g} s", "sort the file, or cut it there"
+        if behind[first] == 0:
+            what, way = "stands still", "name another time with --columns t_s=COLUMN"
+        raise CannotAnswer(f"{place(first)}: time {what}, here and in {others}; {way}")
     if late.size:
         rows = counted(late.size, "row")
         notes.append(f"{place(late[0])}: {rows} not later than the row before, left out")
@@ -458,18 +458,18 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
     rows, coarse = _without_repeats(rows, np.r_[False, step == 0][: len(rows)], repeated, repairs)
     t = t_s if len(rows) == len(t_s) else t_s[rows]  # a long log fills the memory
     step = np.diff(t)
-    if len(t) < 3:
-        end = int(rows[-1]) if len(rows) else 0
-        raise BadStamps(end, f"{len(t)} samples are left: give a longer log or stretch")
-    if t[-1] == t[0]:
-        raise BadStamps(0, f"the time stamps do not advance; {NO_STAMPS}")
+    values = 1 + np.count_nonzero(step)
+    if values < 3 + coarse:
+        way = "a longer log, another column with --time, or, of evenly spaced rows, --rate"
+        few = f"the time stamps have {counted(values, 'value')}, too few to tell a rate"
+        raise BadStamps(0, f"{few}: give {way}")
     usual, mean = float(np.median(step)), (len(t) - 1) / float(t[-1] - t[0])
     near = (step > (1.999 - GAP) * usual) & (step < (GAP + 0.001) * usual)  # of 2 and 3 ms, both
     in_turn = _in_turn(step, usual) if usual < 1.5 * SCALES["ms"] else 0
     if mode == "auto" and in_turn > 0.04 * len(step):
         mode = "count"  # fewer, and a slower logger, may rather be samples lost in turn
     if coarse:
-        rate, missing = _coarse(t, rows, repairs)
+        rate, missing = _coarse(t, repairs)
     elif mode == "auto" and (near.mean() >= REGULAR_SHARE or _on_ticks(step / usual)):
         rate, missing = _regular(step, near, repairs)
     elif mode == "stamps":
@@ -557,11 +557,9 @@ def _regular(step, near, repairs) -> tuple[float, np.ndarray]:
     return float((missing + 1).sum() / step.sum()), missing
 
 
-def _coarse(t, rows, repairs) -> tuple[float, np.ndarray]:
+def _coarse(t, repairs) -> tuple[float, np.ndarray]:
     """Place samples by count, where the clock of the stamps is slower than the sampling."""
     ticks = np.flatnonzero(np.diff(t) > 0) + 1  # rows at which the clock moves on
-    if len(ticks) < 3:
-        raise BadStamps(int(rows[0]), "the stamps take fewer than 4 values, so there is no rate")
     per_tick, length = np.diff(ticks), np.diff(t[ticks])
     whole = length <= GAP * np.median(length)
     rate = float(per_tick[whole].sum() / length[whole].sum())

@@ -259,8 +259,7 @@ def channels(log):
         from sensorlogs.formats import contents
 
         bar.update()
-        _, stanza, path = find(log)
-        listing, errors = contents(path, stanza.get("format"))
+        listing, errors = contents(find(log)[2])
     _tell("channels.txt", listing=listing)
     if len(errors) == len(listing):
         raise errors[0]
