@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import psutil
@@ -440,13 +441,16 @@ def test_reproduce_ends_with_the_table(monkeypatch):
     made = {"00-index": (2.0, 0, 0), "10-static-logs": (30.04, 31, 40)}
     monkeypatch.setattr(reproduce, "execute", lambda p, *_: reproduce.Run(p.stem, *made[p.stem]))
     monkeypatch.setenv("COMPENDIUM_FIGURES", str(ROOT / "figures"))
-    monkeypatch.setattr(reproduce, "since_commit", lambda: (["README.md", "a.pdf"], ["a.pdf"]))
+    monkeypatch.setattr(reproduce, "since_commit", lambda: ["README.md", "a.pdf"])
     status, out, _ = run("reproduce", "00", "notebooks/10-static-logs.ipynb")
-    *table, _, same, changed, _, _, alike, back = out.splitlines()
+    *table, _, same, changed, _, last = out.splitlines()
     nothing = 0, "no number of a figure, claim or finding differs from the committed"
     assert (status, same) == nothing
     assert changed == "git: 2 files changed since the last commit:"
-    assert alike.startswith("1 of them show") and back == "  git checkout -- a.pdf"
+    assert last == "  a.pdf"
+    monkeypatch.setattr(cli.tempfile, "TemporaryFile", Mock(side_effect=OSError(30, "Read-only")))
+    said = "figures/ (--scratch DIR writes elsewhere): cannot write there (Read-only)"
+    assert said in failed(1, "reproduce", "00")
     wanted = "notebook seconds figures claims checked|10-static-logs 30.0 31 40|00-index 2.0 0 0"
     assert [row.split() for row in table[:-1]] == [row.split() for row in wanted.split("|")]
     assert table[-1].split()[-2:] == ["31", "40"]

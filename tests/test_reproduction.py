@@ -195,28 +195,20 @@ def test_a_finding_that_moved_in_its_condition_is_said_so(tmp_path):
 
 
 def test_git_is_asked_what_changed(tmp_path):
-    """property: changed files are named; a redrawn figure that shows the same need no commit."""
-
-    def draw(value=1.0, color="k", note=""):
-        ax = figures.plt.figure(figsize=(2, 1)).subplots()
-        ax.plot([0, 1], [0, value], color, label="line")
-        ax.set(xlabel="x (m)", ylabel="y (m)")
-        figures.save(ax.figure, "99-small", "A line.", to=tmp_path / "figures")
-        with (tmp_path / "figures" / "99-small.pdf").open("a") as pdf:
-            pdf.write(note)
-        return reproduce.since_commit(tmp_path)
-
-    pdf, png, csv = (f"figures/99-small.{kind}" for kind in ("pdf", "png", "csv"))
-    assert draw() == (None, [])
+    """property: changed and new files are named, where there is a work tree of git."""
+    for name in ("figures", "notebooks"):
+        (tmp_path / name).mkdir()
+    old, new = tmp_path / "figures" / "99-small.csv", tmp_path / "notebooks" / "98-new.ipynb"
+    old.touch()
+    assert reproduce.since_commit(tmp_path) is None
     for words in (["init"], ["add", "."], ["commit", "-m", "Draw"]):
         run_git(tmp_path, *words)
-    assert draw() == ([], [])
-    assert draw(note="%") == ([pdf], [pdf]) and draw(color="r") == ([pdf, png], [])
-    assert draw(value=2.0) == ([csv, pdf, png], [])
-    (tmp_path / "notebooks").mkdir()
-    (tmp_path / "notebooks" / "98-new.ipynb").touch()
-    assert draw(value=1 + 1e-5, note="%")[0][-1] == "notebooks/98-new.ipynb"
-    assert reproduce.since_commit(tmp_path / "notebooks") == (None, [])
+    assert reproduce.since_commit(tmp_path) == []
+    old.write_text("x (m)")
+    new.touch()
+    found = [path.relative_to(tmp_path).as_posix() for path in (old, new)]
+    assert reproduce.since_commit(tmp_path) == found
+    assert reproduce.since_commit(tmp_path / "notebooks") is None
 
 
 UNENDING = """

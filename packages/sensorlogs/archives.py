@@ -26,7 +26,7 @@ EXPORT = "the export's file name"
 MONITOR = re.compile(rb"(?m)^(?P<clock>\d\d:\d\d:\d\d\.\d{3}) -?> (?P<cells>[^$].*)")  # $: NMEA
 LIMIT = 4 << 30  # bytes that a packed log may have when unpacked
 FILES = 500  # in a folder or zip
-_SIDE = {".pdf", ".png", ".jpg", ".jpeg", ".html", ".md", ".toml", ".yaml", ".yml", ".xml", ".mp4"}
+_SIDE = re.compile(r"(?i)\.(pdf|png|jpe?g|html|md|toml|ya?ml|xml|mp4|py|m|sdf)$")
 _CLOCK = "seconds_elapsed"
 _SIDE_BY_SIDE = re.compile("meta|uncalibrated|wrist|watch|headphone|linear ?accel")
 
@@ -113,7 +113,7 @@ def _is_side(path: Path) -> bool:
     """Tell a file that comes beside a log: a picture, a page, what systems leave."""
     hidden = any(part.startswith((".", "__MACOSX")) for part in path.parts)
     about = path.name.upper().startswith(("LICEN", "README"))
-    return hidden or about or path.suffix.lower() in _SIDE
+    return hidden or about or bool(_SIDE.search(path.name))
 
 
 def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:

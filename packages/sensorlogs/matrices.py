@@ -210,7 +210,10 @@ def _objects(path: Path, notes: list[str]) -> Iterator[tuple[int, dict]]:
         except (ValueError, RecursionError) as error:
             fault = f"{path.name}, line {number}: no JSON object ({str(error).split(':')[0]})"
             if number != lines[-1][0] or len(lines) < 3:
-                raise CannotAnswer(f"{fault}; correct that line, or cut the file there") from None
+                mend = "correct that line, or cut the file there"
+                other = "a log has an object a line: name a log, not what was computed of it"
+                mend = other if number == lines[0][0] else mend
+                raise CannotAnswer(f"{fault}; {mend}") from None
             notes.append(f"{fault}: the last line, left out")
         else:
             yield number, item

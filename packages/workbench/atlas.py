@@ -1,7 +1,6 @@
 """A log of the reader's own for the atlas: the small file that a pull request needs."""
 
 import re
-from pathlib import Path
 
 from analysis import CannotAnswer, WrongUsage, datasheets, replacing, store
 from workbench import exports
@@ -29,8 +28,7 @@ def add(folder, **about):
     WrongUsage, CannotAnswer
         What `check` raises, or if there is no model.json.
     """
-    path = Path(folder, "model.json") if Path(folder).is_dir() else Path(folder)
-    model = exports.made_of(path, _sensor)
+    model = exports.made_of(folder, _sensor)
     model["source"] |= about
     check(model)
     name = f"{about['product']}-{model['source']['sha256'][:6]}"  # the same log is one file

@@ -170,7 +170,7 @@ def reproduce(notebooks=None, scratch=None, parameters=None):
     --scratch it leaves them as they are and writes notebooks, figures and claims into that folder.
     Ends with each figure and claim that differs from the committed: a verdict, or a number by more
     than 1e-4 (in claims.csv, which has three digits, 6e-3); then, in a work tree of git, with the
-    files that git sees changed, and which of them show what the committed ones show.
+    files that git sees changed.
     """
     from workbench import reproduce as runner
 
@@ -180,12 +180,13 @@ def reproduce(notebooks=None, scratch=None, parameters=None):
     there = Path(scratch or "").resolve()
     if scratch and (there == ROOT or any(there.is_relative_to(ROOT / name) for name in kept)):
         raise WrongUsage(f"--scratch {scratch}: the project keeps its files there; name another")
+    for name in () if scratch else runner.WRITTEN[:2]:
+        _try_to_write(ROOT / name, f"{name}/ (--scratch DIR writes elsewhere)")
     values = dict(map(_parameter, parameters or ()))
     start = perf_counter()
     runs, found = runner.reproduce(notebooks or (), scratch=scratch, parameters=values)
     told = {"runs": runs, "found": found, "seconds": perf_counter() - start}
-    changed, alike = (None, []) if scratch else runner.since_commit()
-    _tell("reproduce.txt", told, changed=changed, alike=alike)
+    _tell("reproduce.txt", told, changed=None if scratch else runner.since_commit())
 
 
 def _parameter(text):

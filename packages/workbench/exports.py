@@ -179,7 +179,8 @@ def told(texts):
 
 
 def made_of(path, make):
-    """Give what a function makes of a model.json; what is none is refused with its path."""
+    """Give what a function makes of a model.json, or a report's folder; refuse it with its path."""
+    path = Path(path, "model.json") if Path(path).is_dir() else path
     try:
         return make(json.loads(Path(path).read_bytes()))
     except OSError as error:

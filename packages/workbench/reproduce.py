@@ -11,7 +11,6 @@ import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from io import BytesIO
 from itertools import groupby, zip_longest
 from pathlib import Path
 
@@ -20,7 +19,6 @@ import numpy as np
 import pandas as pd
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, DeadKernelError
-from PIL import Image, ImageChops
 from tqdm import tqdm
 
 from analysis import (
@@ -32,7 +30,6 @@ from analysis import (
     engineering,
     figures,
     figures_folder,
-    provenance,
     replacing,
 )
 from workbench import pages
@@ -240,38 +237,13 @@ def since_commit(root=ROOT):
 
     Returns
     -------
-    changed : list of str or None
+    list of str or None
         Files; None where `root` is no work tree of git, or there is no git.
-    alike : list of str
-        Pictures among them that show the committed dots and numbers. They need no commit: a
-        picture takes as much room in the history each time, whatever has changed in it. What a
-        figure *shows* decides, not its bytes; a new colour is other dots with the same numbers.
     """
-
     if git("rev-parse", "--show-cdup", of=root) != b"\n":
-        return None, []
+        return None
     status = git("status", "--porcelain", "-z", "--no-renames", "-uall", "--", *WRITTEN, of=root)
-    states = {line[3:]: line[:2] for line in status.decode().split("\0") if line}
-    alike = []
-    for name in {Path(path).stem for path in states if path.startswith("figures/")}:
-        files = [f"figures/{name}.{kind}" for kind in ("csv", "png", "pdf")]
-        if name not in REGISTERS and {states.get(file, " M") for file in files} == {" M"}:
-            alike += [f for f in files[1:] if f in states] if _alike(root, *files[:2]) else []
-    return sorted(states), sorted(alike)
-
-
-def _alike(root, table, picture):
-    """Tell whether a figure shows what is committed, of the same version of the compendium."""
-    with tempfile.TemporaryDirectory() as kept:
-        was = Path(kept, Path(table).name)
-        was.write_bytes(git("show", f"HEAD:{table}", of=root))
-        versions = {provenance.head(path)["compendium"] for path in (was, root / table)}
-        if len(versions) > 1 or figures.differences(was, root / table):
-            return False
-    committed = BytesIO(git("show", f"HEAD:{picture}", of=root))
-    with Image.open(committed) as a, Image.open(root / picture) as b:
-        a, b = a.convert("RGB"), b.convert("RGB")
-        return a.size == b.size and not ImageChops.difference(a, b).getbbox()
+    return sorted(line[3:] for line in status.decode().split("\0") if line)
 
 
 def _findings(path):
