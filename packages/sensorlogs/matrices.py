@@ -202,6 +202,9 @@ def _objects(path: Path, notes: list[str]) -> Iterator[tuple[int, dict]]:
         yield from ((k, item) for k, item in items if isinstance(item, dict))
         return
     lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
+    if lines[0][1].strip() == b"{":
+        what = "one object on many lines, as a report's model.json is, is no log: name the log"
+        raise CannotAnswer(f"{path.name}, line {lines[0][0]}: {what}")
     for number, line in lines:
         try:
             item = json.loads(line)
@@ -210,10 +213,7 @@ def _objects(path: Path, notes: list[str]) -> Iterator[tuple[int, dict]]:
         except (ValueError, RecursionError) as error:
             fault = f"{path.name}, line {number}: no JSON object ({str(error).split(':')[0]})"
             if number != lines[-1][0] or len(lines) < 3:
-                mend = "correct that line, or cut the file there"
-                other = "a log has an object a line: name a log, not what was computed of it"
-                mend = other if number == lines[0][0] else mend
-                raise CannotAnswer(f"{fault}; {mend}") from None
+                raise CannotAnswer(f"{fault}; correct that line, or cut the file there") from None
             notes.append(f"{fault}: the last line, left out")
         else:
             yield number, item
