@@ -153,24 +153,3 @@ def test_changelog_tells_the_verdicts_of_now():
     for verdict, named in rows:
         for claim in re.findall(r"`(.+?)`", named):
             assert now[claim].startswith(verdict), f"{claim}: python tests/changes.py 073ead1"
-
-
-def test_changes_since_a_revision_that_is_not_there():
-    """Property: one sentence instead of a traceback."""
-    refused(SystemExit, r"^there is no revision nothing$", changes.ledger, "nothing")
-
-
-def test_changes_are_found(tmp_path, monkeypatch):
-    """Analytic: one verdict and one number moved, one claim is new and one is gone."""
-    head = "id,verdict,value,low,high,unit,notebook\n"
-    rows = ["a,reproduced,1,0.9,1.1,m,10", "b,reproduced,1,0.9,1.1,m,10", "c,reproduced,1,,,m,10"]
-    new = ["a,not reproduced if x,1,,,m,10", "b,reproduced,2,1.9,2.1,m,10", "d,reproduced,1,,,m,10"]
-    (tmp_path / "claims.csv").write_text(head + "\n".join(new))
-    monkeypatch.setattr(changes, "FIGURES", tmp_path)
-    old = subprocess.CompletedProcess((), 0, head + "\n".join(rows))
-    monkeypatch.setattr(changes.subprocess, "run", lambda *_, **__: old)
-    said = list(changes.tables("v0"))
-    assert said[0].startswith("Of 2 claims in both, 1 have")
-    assert said[2] == "| reproduced | not reproduced if x | `a` |"
-    moved = "| `b` | 1 m (0.9 to 1.1 m) | 2 m (1.9 to 2.1 m) |"
-    assert said[4:] == [moved, "\nNew (1): `d`.", "\nGone (1): `c`."]

@@ -169,21 +169,6 @@ def numbers_as_text(notebook):
     return [text for c in cells if any(map(fills, ast.walk(c))) for text in found(c)]
 
 
-@pytest.mark.parametrize(("cell", "faults"), [
-    ("rows = {'a': 1.5, f'{x:g} m': [y]}\ntext.table(rows, f'{x:.0%}', '{:.1f}')", 0),
-    ("rows[f'{x:g}'] = {f'above {x:g}': y}\nMarkdown(f'{y:.1f}')\ntext.table(rows)", 0),
-    ("rows = pd.DataFrame(x, index=[f'{y:g}'])\ntext.table(rows.set_axis([f'{x:g}']))", 0),
-    ("said = f'{x:.1f} m'", 0), ("text.table({'a': f'{x:.1f} m'})", 1),
-    ("text.table({'a': f'{x} of {y}', 'b': f'{x}, {y}'})", 1),
-    ("rows['a'] = {'b': f'{x:.1f}, {y:.0f}'}\ntext.table(rows)", 2),
-    ("text.table(frame.map('{:.1f}'.format))", 1), ("text.table({'a': engineering(x, 2)})", 1),
-    ("rows |= {'a': '{x} m'.format_map(y)}\ntext.table(rows)", 1)])  # fmt: skip
-def test_a_number_written_as_text_is_noticed(cell, faults):
-    """analytic: an f-string in a cell, and a method that formats; not in a name or a heading."""
-    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell)])
-    assert len(numbers_as_text(notebook)) == faults
-
-
 def form_faults(path):
     """List, in a sentence each, what a notebook lacks of the form that all have."""
     notebook = nbformat.read(path, as_version=4)

@@ -11,7 +11,6 @@ from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 
-import machines
 import nbformat
 import psutil
 import pytest
@@ -258,14 +257,3 @@ def test_the_upload_button_keeps_what_is_chosen(tmp_path, monkeypatch):
         button.value = (traitlets.Bunch(name=name, content=memoryview(content)),)
         assert path.read_bytes() == first and words in said.value
     assert len(list(tmp_path.rglob("*"))) == 2
-
-
-def test_a_setting_that_does_not_take_is_refused(monkeypatch):
-    """property: a name that a library does not know never passes for another processor."""
-    for name in ("OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES"):
-        monkeypatch.delenv(name, raising=False)
-    here = machines.asked(sys.executable, os.environ)
-    monkeypatch.setitem(machines.SETTINGS, "zen", {"kernel": "Abacus"})
-    refused(SystemExit, "zen: it did not take in OpenBLAS", machines.environment, "zen", here)
-    env, said = machines.environment("here", here)
-    assert "OPENBLAS_CORETYPE" not in env and said.startswith("OpenBLAS ")
