@@ -10,10 +10,10 @@ import pandas as pd
 import pymap3d
 import pytest
 from broken_events import drive
-from refused import refused, where_here
+from refused import refused
 from scipy.spatial.transform import Rotation
 
-from analysis import STANDARD_GRAVITY, WrongUsage, store, wrap
+from analysis import STANDARD_GRAVITY, WrongUsage, wrap
 from analysis.tracker import constrained, doubt, kalman
 from analysis.tracker.attitude import angles
 from analysis.tracker.constrained import ACCEL, GYRO, MOUNT, PLACE, SPEED, STATES, TILT
@@ -23,7 +23,6 @@ from analysis.tracker.log_replay import replay, stepped
 from analysis.tracker.scenarios import ImuErrors, scenario
 from analysis.tracker.smoother import Recorded
 from sensorlogs.timeline import inject_outages
-from studies import rides
 
 EYE = np.eye(3).tolist()
 LEVEL = EYE, [0.0] * 3, [0.0, 0.0, 1.0]  # attitude, bias of the gyro, down
@@ -228,17 +227,6 @@ def test_what_is_missing_is_what_the_filter_makes_of_an_error():
     assert block._between == 0.0  # what stands does not turn between samples
     block.start((3.0, -4.0), (8.0, 5.0), LEVEL, 0.0, 3.0, 0.3)
     assert not block.missing.any()
-
-
-def test_outages_of_a_real_drive_come_out_as_stored():
-    """cross-check: what is off in outages of a car whose IMU gives ten samples a second.
-
-    By the filter and looking back, as far as it is stored; no noise nor start may be another.
-    """
-    log, stored = where_here(rides.read, "genivi-car"), store.read("tracker-outages").tables
-    found, known = rides._looked_back({"genivi-car": log}), stored["smoothed"].set_index("ride")
-    found = found.drop(columns="ride").astype(float)
-    np.testing.assert_allclose(found, known.loc["genivi-car"], rtol=1e-4)
 
 
 def test_a_fix_of_the_antenna_is_the_derivative_of_its_place():

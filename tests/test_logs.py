@@ -9,7 +9,7 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
-from refused import csv_of, own_logs, refused, where_here
+from refused import csv_of, own_logs, refused
 from scipy.spatial.transform import Rotation
 
 import sensorlogs as logs
@@ -551,44 +551,6 @@ def test_the_committed_static_receiver_log():
     assert (log.duration_s, log.rate_hz, log.gaps) == (655, 1.0, 0)
     # Within the printed digits.
     assert np.percentile(np.hypot(north, east), 95) == pytest.approx(2.2, abs=0.05)
-
-
-def test_adis16405_is_a_million_rows_in_steps_of_its_lsb():
-    """Published: 1,000,000 x 6 at 100 Hz, gyro LSB 0.05 deg/s; accel Z of -1 g passes as g."""
-    with warnings.catch_warnings(action="error"):
-        log = where_here(logs.read, "adis16405")
-    assert (log.samples, log.rate_hz, log.duration_s) == (1_000_000, 100, 10_000)
-    assert [c.unit for c in log.channels] == ["deg/s"] * 3 + ["g"] * 3
-    steps = log.channels[0].values / 0.05
-    np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)  # decimal fractions
-    assert log.channels[5].values.mean() == pytest.approx(-1.016, abs=1e-3)
-    refused(WrongUsage, "closest: 'gyro_z'", logs.read, "adis16405", columns=["gyro_w"])
-
-
-def test_mpu6050_says_what_its_stamps_do():
-    """Published: mean rate 99.3 Hz, median step 2 ms, longest 0.5 s."""
-    log = where_here(logs.read, "mpu6050-gyro")
-    assert log.rate_hz == pytest.approx(99.3, abs=0.05)
-    assert "median step 2.04 ms, longest 0.497 s" in log.repairs[0]
-    assert log.channels[0].values.mean() == pytest.approx(4.5, abs=0.1)
-    by_stamps = logs.read("mpu6050-gyro-by-stamps")
-    assert len(by_stamps.channels[0].values) == len(log.channels[0].values)
-    assert by_stamps.channels[0].values.std() < log.channels[0].values.std()  # it smooths
-
-
-def test_the_parked_phone_stands_still():
-    """Property: the stretches in the catalogue follow the rule that their note states."""
-    path = where_here(datasets.path, "phone-drives/2023-08-09_12-47-42.csv")
-    frame = delimited.read_table(path).frame
-    turning = np.linalg.norm(frame[["gyro_x", "gyro_y", "gyro_z"]].to_numpy(), axis=1) > 0.02
-    moving = frame["speed"].fillna(0).to_numpy() > 0.1
-    assert not turning[3744:5028].any() and turning[3743] and turning[5028]
-    assert moving[3864:5028].sum() == 1  # a single second of 0.33 m/s without any turning
-    assert not (turning | moving)[1613:1721].any()
-    assert np.ptp(values(logs.read("phone-parked"))[:2]) < 2  # deg: roll and pitch
-    held = logs.read("phone-parked-gnss")
-    assert any("'north' repeats its last value" in repair for repair in held.repairs)
-    assert not any("repeats" in repair for repair in logs.read("phone-stopped-gnss").repairs)
 
 
 def test_reading_does_not_depend_on_the_working_directory(tmp_path, monkeypatch):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis import static_logs, store
+from analysis import static_logs
 
 HOUR = 3600.0
 
@@ -25,20 +25,3 @@ def test_mpu6050_gyros():
     arw = [60 * c.parameters["arw"].value for c in log.channels]
     np.testing.assert_allclose([min(arw), max(arw)], [0.55, 0.76], rtol=0.02)
     assert log["gyro_x"].line[0] == pytest.approx(4.5, abs=0.1)
-
-
-def test_interpolating_by_uneven_stamps_inflates_white_noise():
-    """property: bursts of stamps weigh some samples more than others, and N rises on each axis."""
-    count, stamps = (static_logs.read(n) for n in ("mpu6050-gyro", "mpu6050-gyro-by-stamps"))
-    for c in count.channels:
-        assert stamps[c.name].parameters["arw"].low > c.parameters["arw"].high
-
-
-def test_no_number_without_support():
-    """property: what is not resolved has no value, and what is lies inside its interval."""
-    for name in store.names("autocorrelation"):
-        for channel in static_logs.read(name).channels:
-            for e in channel.parameters.values():
-                assert e.note and e.resolved == (e.value is not None)
-                if e.resolved:
-                    assert e.low <= e.value <= e.high

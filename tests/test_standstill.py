@@ -96,13 +96,6 @@ def test_a_slow_turn_is_doubted():
 # --- real logs -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["adis16405", "mpu6050-gyro", "mpu6050-accel"])
-def test_real_static_logs_are_static(name):
-    """Published: these sensors lay still."""
-    log = where_here(logs.read, name)
-    assert static_part(log) is log
-
-
 TURNS, BOTH = "gyro=deg/s", "gyro=deg/s,accel=g"
 RIDES = {
     "car-roof-imu/imu_1934.csv": ({"rate": 100, "unit": BOTH}, "at most from 0 s to 3"),

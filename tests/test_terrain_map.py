@@ -6,13 +6,13 @@ import h5py
 import numpy as np
 import pymap3d
 import pytest
-from refused import refused, where_here
+from refused import refused
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from analysis import CannotAnswer, WrongUsage, store, terrain_data, wrap
+from analysis import CannotAnswer, WrongUsage, terrain_data, wrap
 from analysis.terrain import antennas, centre_line, terrain_map
-from sensorlogs import datasets, road_logs
+from sensorlogs import road_logs
 from studies import surveys
 
 # A van whose front antenna sits 0.33 m to the left and 0.07 m low, whose right one is 9 mm higher.
@@ -254,15 +254,6 @@ def test_resampling_keeps_a_slope_and_smooths_a_wave():
     np.testing.assert_allclose(inside, found[6:-6], atol=1e-9)  # samples beyond the grid count
 
 
-def test_the_committed_highway():
-    """Property: 69 km without a jump, and as flat as a highway."""
-    stored = store.read(terrain_data.HIGHWAY)
-    height, step = stored.tables["to-altoona"]["height_m"].to_numpy(), stored.source["step_m"]
-    assert 68_000 < step * len(height) < 70_000
-    assert np.abs(np.diff(height)).max() < 1.0  # 16 steps of over 1 m before
-    assert np.mean(np.abs(np.gradient(height, step)) > np.tan(np.radians(4.5))) < 0.005
-
-
 # ---------------------------------------------------------------- the real laps
 
 
@@ -390,16 +381,3 @@ def test_antennas_that_were_never_there_give_no_attitude():
     for place in (np.nan, 7.0):  # nowhere, or all in one place
         given = [np.full((50, 3), place)] * 3, antennas.AntennaMounting()
         refused(CannotAnswer, "no epoch has a position", antennas.attitude, *given)
-
-
-def test_raw_laps_lie_on_their_own_map_only():
-    """Property: the real files, brought in as a reader's own, are the committed laps again."""
-    for name, direction in surveys.DIRECTION_OF.items():
-        file = f"{terrain_data.TRACK}/mapping_van_2024-08-05-{name}_merged.mat"
-        path = where_here(datasets.path, file)
-        other = next(d for d in ("ccw", "cw") if d != direction)
-        lap, known = terrain_data.lap_and_map(path, direction)[0], terrain_data.lap(name)
-        for key in ("s_m", "pitch_deg"):
-            np.testing.assert_allclose(getattr(lap, key), getattr(known, key), atol=1e-3)
-        np.testing.assert_allclose(lap.wheel_m, known.wheel_m, rtol=2e-3, atol=0.1)
-        refused(CannotAnswer, "against the map's direction", terrain_data.lap_and_map, path, other)
