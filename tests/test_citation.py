@@ -97,17 +97,6 @@ def test_an_unknown_figure(typed, near):
     assert near in failed(2, "cite", typed)
 
 
-def test_every_figure_can_be_cited(monkeypatch):
-    """Property: each name in figures/ has a citation with its name and its licence."""
-    monkeypatch.setattr(citation, "_commit", lambda _: ("", False))  # three calls of git each
-    names = sorted(path.stem for path in figures.FIGURES.glob("[0-9]*.csv"))
-    assert len(names) > 50
-    for name in names:
-        text = citation.cite(name)
-        assert f"Figure {name}: " in text and "Licence: " in text
-        assert f"inertial-compendium-{name}" in entries(text)
-
-
 def test_the_commit_is_named_in_a_git_tree_only(tmp_path, monkeypatch):
     """Cross-check: what git says of a tree; of a folder without git, and of one inside, nothing."""
 

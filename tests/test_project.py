@@ -21,7 +21,6 @@ from packaging.specifiers import SpecifierSet
 
 import analysis
 from analysis import ROOT
-from workbench.reproduce import REGISTERS
 
 FIGURES = ROOT / "figures"
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
@@ -340,13 +339,3 @@ def test_notebooks_import_only_faces(path):
         if isinstance(node, ast.Attribute) and getattr(node.value, "id", None) in rooms:
             face = rooms[node.value.id]
             assert node.attr in exported(face), f"{face}.{node.attr}"
-
-
-def test_figures_come_in_threes():
-    """property: each picture has its PDF, its PNG and its numbers, and nothing else is there."""
-    files = {p.name for p in FIGURES.iterdir()}
-    names = {name.removesuffix(".pdf") for name in files if name.endswith(".pdf")}
-    expected = {f"{name}.{suffix}" for name in names for suffix in ("pdf", "png", "csv")}
-    expected |= {f"{name}.csv" for name in REGISTERS}
-    assert expected <= files <= expected | {f"{name}.lock" for name in REGISTERS}
-    assert {n.split("-")[0] for n in names} <= {path.stem.split("-")[0] for path in NOTEBOOKS}

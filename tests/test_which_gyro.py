@@ -56,17 +56,3 @@ def test_one_gyro_has_one_answer():
     for other in (own, told):
         assert f"{other.value:.2g}" == f"{row['error'].value:.2g}" == "0.37"
     assert told.low <= own.low < own.high <= told.high
-
-
-def test_lines_fit_a_terminal():
-    """Property: at most 100 columns, with every price's year, and every source once, in short."""
-    for options in ({}, {"two_states": True}, {"exact_map": True}):
-        for error in (0.5, 0.3):
-            found = which_gyro.answer(error, **options)
-            told = page("which-gyro.txt", found)
-            assert max(map(len, told.splitlines())) <= 100
-    where, told = told.count("  2025  "), " ".join(told.partition("Where prices")[2].split())
-    assert where == 2 and "Sensonor STIM300, KVH 1750 IMU: the range of tactical grade" in told
-    assert "not a price of this piece" in told and len(told) < 1800
-    for row in found["rows"]:
-        assert not row["price"] or told.count(row["source"][:60]) == 1
