@@ -17,11 +17,9 @@ from scipy.spatial.transform import Rotation
 from test_cli import failed, run
 
 from analysis import STANDARD_GRAVITY, Estimate, WrongUsage, wrap
-from analysis.tracker import GATE_ALONE, Stored, log_replay, replay, scenarios
+from analysis.tracker import Stored, log_replay, replay, scenarios
 from analysis.tracker.attitude import Upright
 from analysis.tracker.device import BLOCKS, Options
-from sensorlogs import datasets
-from sensorlogs import moving as tracks
 from sensorlogs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu
 from workbench import track as page
 from workbench.saved_position import load_position, save_position
@@ -641,17 +639,3 @@ def test_refusals_leave_nothing(tmp_path, monkeypatch, cold, words, expected, sa
     assert said in err and str(tmp_path) not in err and files(tmp_path) == list(before)
     for name, content in before.items():
         assert content is True or (tmp_path / name).read_bytes() == content
-
-
-REAL = {"rx210": (40, 36), "haicom-305N": (67, 37), "telit-he910": (187, 187)}  # fixes, accepted
-
-
-@pytest.mark.parametrize("name", REAL)
-def test_real_cold_starts(name):
-    """property: gpsd's logs: nothing out before the gate opens, and the gate's verdicts."""
-    log = tracks.read_moving([datasets.path(f"gpsd-logs/{name}.log")])
-    track = replay(log, Options(**GATE_ALONE))
-    found, columns = track.summary["fixes"], track.columns
-    assert (found["with_fix"], found["accepted"]) == REAL[name]
-    assert np.isnan(columns["out_lat_deg"][: np.argmax(columns["accepted"])]).all()
-    assert (columns["pdop"][columns["accepted"] == 1] <= 10).all()
