@@ -62,6 +62,14 @@ def test_gaps_become_missing_samples_at_the_right_place(lost):
     assert f" gaps: {lost.sum():,} of 12,000 samples missing" in found.repairs[0]
 
 
+@pytest.mark.parametrize(("lost", "jitter"), [(ROW % 500 == 77, 0.2), (ROW // 3 % 100 == 7, 0.3)])
+def test_jitter_hides_no_gap_of_samples(lost, jitter):
+    """Analytic: one sample, or three, taken out now and then are missing there, and only they."""
+    found = grid((ROW / 100 + jitter / 0.3 * (WIDE - ROW / 100))[~lost])
+    assert found.rate_hz == pytest.approx(100, rel=1e-4)  # 0.6 of a step at the ends, of 12,000
+    np.testing.assert_array_equal(found.index, ROW[~lost])
+
+
 def test_a_rate_that_changes_within_a_log_moves_no_gap():
     """Analytic: a tenth faster from the middle on, one sample in a hundred lost: only they are."""
     lost = ROW % 100 == 50
