@@ -137,7 +137,8 @@ def car_attitude():
         and ``roof``, once a second: speed (on the roof by RTK) and own angles (``own_``), on the
         roof with the sum of the rate.
     """
-    (log, roof), name = map(rides.read, ("car", "car-roof")), rides.RIDES["car"].file
+    log, roof = rides.read("car"), rides.read("car-roof")
+    name = rides.RIDES["car"].file
     raw, t = pd.read_csv(datasets.path(name), low_memory=False), log.imu.t_s
     angles = {"t_s": np.arange(np.ceil(t[0]), t[-1], CAR_S).round(3)}
     for angle in ("roll", "pitch", "yaw"):

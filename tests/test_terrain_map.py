@@ -290,11 +290,12 @@ def test_leaving_a_lap_out_leaves_it_out(name, left):
 # ---------------------------------------------------------------- what is refused
 
 
-def write_log(path, lap, *, mode=6, without="", epochs=None):
+def write_log(path, lap, *, mode=6, without="", epochs=None, rate=100.0):
     """Write antenna positions (3, n, 3) about the gate as a van's log, but for one table."""
     n = lap.shape[1]
     t = 1.7e9 + DT * (np.arange(n) if epochs is None else np.resize(epochs, n))
-    fine = np.delete(np.linspace(0.0, n * DT - DT, 10 * n), slice(5000, 5037))  # lost messages
+    fine = np.arange(0.0, n * DT - DT, 1 / rate)
+    fine = np.delete(fine, slice(5000, 5037))  # lost messages
     clock = t - 0.04 + np.interp(t - 1.7e9, [20.0, 60.0], [0.0, 0.15])  # it runs fast for 40 s
     wait = 0.1 * ((t > 1.7e9 + 80) & (t < 1.7e9 + 110))  # of the receivers' messages
     driven = {"C1Counts": -1.0 - 2.02e5 * fine, "C2Counts": 1.0 + 2.02e5 * fine}
@@ -320,9 +321,11 @@ def van_on(direction, part=slice(None)):
     return placed(at, np.degrees(np.arctan2(e1, n1))[:, None] * [1, 0, 0], [FRONT, LEFT, RIGHT])
 
 
-def test_a_lap_of_ones_own_is_laid_on_the_map(tmp_path):
+@pytest.mark.parametrize("rate", [100.0, 80.0])  # Hz, of the encoders
+def test_a_lap_of_ones_own_is_laid_on_the_map(tmp_path, rate):
     """Analytic: a van driven along the committed centre line comes back at its place."""
-    lap, known = terrain_data.lap_and_map(write_log(tmp_path / "mine.mat", van_on("ccw")), "ccw")
+    path = write_log(tmp_path / "mine.mat", van_on("ccw"), rate=rate)
+    lap, known = terrain_data.lap_and_map(path, "ccw")
     assert known.laps.max() == len(terrain_data.laps("ccw"))
     np.testing.assert_allclose(lap.s_m, np.arange(len(lap.s_m)), atol=0.05)
     # The lever of the front antenna, 0.33 m aside, is the van's, not this lap's.
@@ -341,8 +344,9 @@ AWAY = np.repeat([0, 1, 2], [200, 50, 50])[:, None] * [40.0, 60.0, 0.0]  # the f
     (VAN, {"epochs": [0, 1, 3, 2]}, "the GPS time of antenna Front .* after epoch 3"),
     (VAN, {"epochs": np.arange(200) * 60}, r".* span 0\.3 h for 200 epochs; cut out one"),
     (LONGER + AWAY, {}, r"the lap leaves the map: it is [3-9]\d m to the"),
+    (van_on("ccw"), {"rate": 30.3}, "within the lap, wheel encoders at 30 Hz and GPS time part by"),
     (van_on("ccw")[:, ::-1], {}, "the lap runs against the map's direction"),
-    (van_on("cw"), {}, ".*against the map's direction")], ids=range(8))  # fmt: skip
+    (van_on("cw"), {}, ".*against the map's direction")], ids=range(9))  # fmt: skip
 def test_a_log_that_is_no_lap_of_the_map_is_refused(tmp_path, lap, made, words):
     """Property: one sentence that names the file and what it lacks, or how it leaves the map."""
     path = write_log(tmp_path / "mine.mat", lap, **made)

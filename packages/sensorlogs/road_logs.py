@@ -21,6 +21,7 @@ POSITION = ["east_m", "north_m", "height_m"]
 RATE_HZ = 10
 SPARSE = 20  # span in steps of 0.1 s over epochs, beyond which the file is not one lap
 CLOCK_ROWS = 25  # of the encoders, over which the offset of the computer's clock is constant
+MOST_OFF = 0.3  # s within a lap, between encoders and receivers, whose messages wait up to 0.12
 
 
 @dataclass(frozen=True)
@@ -65,33 +66,49 @@ def lap(path: Path, origin: tuple[float, float]) -> RtkLap:
         raw = file.get("rawData", {})
         receivers = [_receiver(raw, name, path, origin) for name in ANTENNAS]
         wheel_t, left, right = _columns(raw, "Encoder_Raw", "wheel encoder", WHEELS, path)
-    epochs = pd.concat(receivers, keys=range(len(ANTENNAS)))
+    epochs = pd.concat(receivers)
+    longest = max(map(len, receivers))
     first = epochs["tick"].min()
     n = epochs["tick"].max() - first + 1
-    if n > SPARSE * (longest := max(map(len, receivers))):
+    if n > SPARSE * longest:
         raise CannotAnswer(
             f"{path.name}: the antennas' GPS times span {n / RATE_HZ / 3600:.1f} h for "
             f"{longest} epochs; cut out one lap"
         )
     antennas = np.full((3, n, 3), np.nan)
-    antennas[epochs.index.get_level_values(0), epochs["tick"] - first] = epochs[POSITION]
+    for xyz, receiver in zip(antennas, receivers, strict=True):
+        xyz[receiver["tick"] - first] = receiver[POSITION]
     counted = np.isfinite(wheel_t + left + right) & (left != 0) & (right != 0)
     if counted.sum() < 2:
         raise CannotAnswer(f"{path.name}: the wheel encoders counted nothing")
-    # The encoders have only the computer's stamps; its clock drifts by 0.2 s within a lap. Their
-    # even steps tell how. A receiver's message may wait 0.1 s, so the median of all sets the time.
-    stamps, row = wheel_t[counted], np.flatnonzero(counted)
-    step = max(np.round(np.median(np.diff(stamps)), 3), 0.001)
-    clock = pd.DataFrame({"computer_s": stamps, "drift_s": stamps - step * row})
-    clock = clock.groupby(row // CLOCK_ROWS).median()
-    clock["drift_s"] = np.unwrap(clock["drift_s"], period=step)  # a lost message is no drift
-    then, drift = (np.interp(t, *clock.to_numpy().T) for t in (epochs["computer_s"], stamps))
+    late = _late(wheel_t[counted], np.flatnonzero(counted), epochs, path)
     return RtkLap(
         t_s=np.arange(n) / RATE_HZ,
         antennas=antennas,
-        wheel_t_s=stamps - drift - np.nanmedian(epochs["late_s"] - then) - first / RATE_HZ,
+        wheel_t_s=wheel_t[counted] - late - first / RATE_HZ,
         wheel_counts=(right - left)[counted] / 2,  # the left one counts backward
     )
+
+
+def _late(stamps, row, epochs, path):
+    """By how much the computer's stamps of the encoders are late, s.
+
+    Its clock drifts by 0.2 s within a lap, which the even steps of the encoders tell. The message
+    of a receiver may wait 0.1 s, so the median of all sets the time.
+    """
+    rate = max(np.round(1 / max(np.median(np.diff(stamps)), 1e-3)), 1.0)  # Hz
+    clock = pd.DataFrame({"computer_s": stamps, "drift_s": stamps - row / rate})
+    clock = clock.groupby(row // CLOCK_ROWS).median()
+    drift = np.unwrap(clock["drift_s"], period=1 / rate)  # a lost message is no drift
+    t = epochs["computer_s"]
+    late = epochs["late_s"] - np.interp(t, clock["computer_s"], drift)
+    off = late[t > t.quantile(0.75)].median() - late[t < t.quantile(0.25)].median()
+    if abs(off) > MOST_OFF:
+        raise CannotAnswer(
+            f"{path.name}: within the lap, wheel encoders at {rate:.0f} Hz and GPS time part by "
+            f"{abs(off):.1f} s: the encoders need even steps of a whole rate in Hz"
+        )
+    return np.interp(stamps, clock["computer_s"], drift) + late.median()
 
 
 def _receiver(raw, name, path, origin):
@@ -108,7 +125,8 @@ def _receiver(raw, name, path, origin):
         )
     east, north, _ = pymap3d.geodetic2enu(lat, lon, altitude + separation, *origin, 0.0)
     # The tangent plane departs from mean sea level by 7 mm in 300 m: heights are those of GGA.
-    frame = pd.DataFrame(np.where(fixed, [east, north, altitude], np.nan).T, columns=POSITION)
+    frame = pd.DataFrame(np.column_stack([east, north, altitude]), columns=POSITION)
+    frame[~fixed] = np.nan
     frame = frame.assign(computer_s=computer, late_s=computer - gps)[good]
     frame["tick"] = np.round(gps[good] * RATE_HZ).astype(np.int64)
     backward = np.diff(frame["tick"]) <= 0

@@ -180,8 +180,9 @@ def reproduce(notebooks=None, scratch=None, parameters=None):
     there = Path(scratch or "").resolve()
     if scratch and (there == ROOT or any(there.is_relative_to(ROOT / name) for name in kept)):
         raise WrongUsage(f"--scratch {scratch}: the project keeps its files there; name another")
-    for name in () if scratch else runner.WRITTEN[:2]:
-        _try_to_write(ROOT / name, f"{name}/ (--scratch DIR writes elsewhere)")
+    if not scratch:
+        for name in ("figures", "notebooks"):
+            _try_to_write(ROOT / name, f"{name}/ (--scratch DIR writes elsewhere)")
     values = dict(map(_parameter, parameters or ()))
     start = perf_counter()
     runs, found = runner.reproduce(notebooks or (), scratch=scratch, parameters=values)
